@@ -133,7 +133,7 @@ fn bad_ranges_of_teeth_are_refused() {
     let file = small(&sandbox, "small.toml");
     for (teeth, why) in [
         ("30..17", "17..=30 is 17 to 30"),
-        ("many", "no number of teeth"),
+        ("many", "not a number of teeth"),
         ("2..5", "from 4 to 2000"),
     ] {
         let output = sandbox.coordinator(&["sweep", &file, "--teeth", teeth]);

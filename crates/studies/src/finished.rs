@@ -32,13 +32,13 @@ pub struct Optimum {
 ///
 /// The store holds another campaign, or is not finished, or cannot be read.
 pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Problem> {
-    let held = store.campaign().await?;
-    if held.digest != campaign.digest() {
-        let changes = Campaign::parse("the store's campaign file", &held.file_text)
-            .map_or_else(|_| Vec::new(), |held| campaign.changes_from(&held));
+    let stored = store.campaign().await?;
+    if stored.digest != campaign.digest() {
+        let changes = Campaign::parse("the store's campaign file", &stored.file_text)
+            .map_or_else(|_| Vec::new(), |stored| campaign.changes_from(&stored));
         return Err(store::Error::other_campaign(
             store.path(),
-            [&held.name, &held.digest],
+            [&stored.name, &stored.digest],
             [&campaign.name, &campaign.digest()],
             changes,
         )

@@ -9,8 +9,8 @@ use campaign::task::{Output, Source, compute};
 use ledger::{Generation, StreamId, Unit};
 use rayon::prelude::*;
 
-/// Number of samples that a thread draws of one design at a time. Preparing the design again for
-/// each piece takes about as long as a dozen samples.
+/// Number of samples that a thread draws of one design at a time. It is large because each piece
+/// prepares the design again.
 const PIECE: usize = 500;
 
 /// As many verification samples of ΔSTE as every optimum of the campaign gets, µm. All designs get

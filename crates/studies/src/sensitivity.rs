@@ -136,26 +136,15 @@ pub fn scenarios(problem: &Problem, optimum: &Optimum) -> anyhow::Result<Vec<Sce
     let gears = problem.gears().context(NO_GEARS)?;
     let pair = gears.pair(&optimum.variables.into())?;
     let none = WearFactors::NONE;
-    let parameters: [(&str, fn(f64) -> WearFactors); 3] = [
-        ("wear variance", |variance| WearFactors {
-            variance,
-            ..WearFactors::NONE
-        }),
-        ("wear range", |range| WearFactors {
-            range,
-            ..WearFactors::NONE
-        }),
-        ("wear depth", |depth| WearFactors {
-            depth,
-            ..WearFactors::NONE
-        }),
-    ];
-    let varied = parameters.into_iter().flat_map(|(parameter, factors)| {
-        [0.5, 2.0].map(|factor| (parameter, factor, factors(factor)))
+    const FACTORS: [f64; 2] = [0.5, 2.0];
+    let of_variance = FACTORS.map(|variance| {
+        let factors = WearFactors { variance, ..none };
+        ("wear variance", variance, factors)
     });
-    let scenarios: Vec<_> = std::iter::once(("as designed", 1.0, none))
-        .chain(varied)
-        .collect();
+    let of_range = FACTORS.map(|range| ("wear range", range, WearFactors { range, ..none }));
+    let of_depth = FACTORS.map(|depth| ("wear depth", depth, WearFactors { depth, ..none }));
+    let as_designed = [("as designed", 1.0, none)];
+    let scenarios = [&as_designed[..], &of_variance, &of_range, &of_depth].concat();
     scenarios
         .into_par_iter()
         .map(|(parameter, factor, factors)| {

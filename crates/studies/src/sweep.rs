@@ -37,7 +37,7 @@ impl std::str::FromStr for Teeth {
     /// Reads `17..30` (without 30), `17..=30` (with it) or `17`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let number = |text: &str| -> Result<u32, String> {
-            let wrong = || format!("{text:?} is no number of teeth from 4 to 2000");
+            let wrong = || format!("{text:?} is not a number of teeth from 4 to 2000");
             let number = text.trim().parse().map_err(|_| wrong())?;
             if Self::SENSIBLE.contains(&number) {
                 Ok(number)
@@ -102,11 +102,11 @@ pub fn members(
         .collect()
 }
 
-/// Whether the store of a campaign is there, is that campaign's, and has nothing left to do.
+/// Whether a campaign is finished in its store. False without a store.
 ///
 /// # Errors
 ///
-/// There is something in the store's place that cannot be read.
+/// The store cannot be read.
 pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
     let store = match Store::open_read_only(&member.db).await {
         Ok(store) => store,
@@ -126,11 +126,23 @@ pub struct Row {
     pub teeth: [u32; 2],
     /// The approach.
     pub approach: Approach,
-    /// Calls of the simulator.
+    /// Number of calls of the simulator.
     pub simulator_calls: u64,
-    /// The design with its criterion (µm), criteria and verified percentile, or a remark if there
-    /// is no design.
-    pub found: Result<(GearVariables, f64, GearCriteria, Percentile), String>,
+    /// The approach's design, or the reason why it has none.
+    pub optimum: Result<Optimum, String>,
+}
+
+/// The design that an approach found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimum {
+    /// The variables of the pair.
+    pub variables: GearVariables,
+    /// The value that the approach minimised, µm.
+    pub criterion: f64,
+    /// The criteria of the pair.
+    pub criteria: GearCriteria,
+    /// The verified percentile, µm.
+    pub p90: Percentile,
 }
 
 /// The results in the store of a finished campaign, one row per approach.
@@ -142,18 +154,22 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
     let store = Store::open_read_only(&member.db).await?;
     let problem = Problem::new(member.campaign.clone());
     let mut rows = Vec::new();
-    for optimum in optima::stored(&store).await? {
-        let Some(approach) = approach_of(&optimum.approach) else {
+    for row in optima::stored(&store).await? {
+        let Some(approach) = approach_of(&row.approach) else {
             continue;
         };
-        let criteria: Option<Criteria> = serde_json::from_str(&optimum.criteria_json)?;
-        let found = match (optimum_design(&problem, &optimum), criteria) {
+        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
+        let optimum = match (optimum_design(&problem, &row), criteria) {
             (Some(design), Some(criteria)) => {
-                let samples = optima::verification_samples(&store, &optimum).await?;
-                let p90 = percentile(&member.campaign.sampling, &samples);
-                Ok((design.gears(), optimum.criterion, criteria.gears(), p90))
+                let samples = optima::verification_samples(&store, &row).await?;
+                Ok(Optimum {
+                    variables: design.gears(),
+                    criterion: row.criterion,
+                    criteria: criteria.gears(),
+                    p90: percentile(&member.campaign.sampling, &samples),
+                })
             }
-            _ => Err(optimum.note),
+            _ => Err(row.note),
         };
         rows.push(Row {
             teeth: member
@@ -161,8 +177,8 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
                 .gears()
                 .map_or([0; 2], |sections| sections.pair.teeth()),
             approach,
-            simulator_calls: optimum.simulator_calls,
-            found,
+            simulator_calls: row.simulator_calls,
+            optimum,
         });
     }
     store.close().await?;
@@ -182,12 +198,12 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
-         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
-         samples.\n\n{}",
+         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
+         verification samples.\n\n{}",
         summary(rows).markdown()
     );
     for row in rows {
-        if let Err(why) = &row.found {
+        if let Err(why) = &row.optimum {
             page += &format!(
                 "\n{} teeth, {}: no feasible design. {why}\n",
                 row.teeth[0],
@@ -234,8 +250,8 @@ fn summary(rows: &[Row]) -> Table {
         rest = others;
         let best = group
             .iter()
-            .filter_map(|row| Some((row, row.found.as_ref().ok()?)))
-            .min_by(|a, b| a.1.3.value.total_cmp(&b.1.3.value));
+            .filter_map(|row| Some((row, row.optimum.as_ref().ok()?)))
+            .min_by(|a, b| a.1.p90.value.total_cmp(&b.1.p90.value));
         let mut line = vec![
             format!("{} : {}", first.teeth[0], first.teeth[1]),
             best.map_or("none feasible", |(row, _)| row.approach.name())
@@ -243,15 +259,15 @@ fn summary(rows: &[Row]) -> Table {
         ];
         line.extend(approaches.iter().map(|approach| {
             let row = group.iter().find(|row| row.approach == *approach);
-            match row.map(|row| &row.found) {
-                Some(Ok((_, _, _, p90))) => with_interval(p90),
+            match row.map(|row| &row.optimum) {
+                Some(Ok(optimum)) => with_interval(&optimum.p90),
                 Some(Err(_)) => "none feasible".to_owned(),
                 None => NOTHING.to_owned(),
             }
         }));
         line.push(best.map_or_else(
             || NOTHING.to_owned(),
-            |(_, found)| format!("{:.3}", found.2.normal_module_mm),
+            |(_, optimum)| format!("{:.3}", optimum.criteria.normal_module_mm),
         ));
         table.rows.push(line);
     }
@@ -277,16 +293,16 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
     for row in rows {
         let [pinion, mate] = row.teeth.map(|teeth| teeth.to_string());
         let mut line = vec![pinion, mate, row.approach.name().to_owned()];
-        let found = row.found.as_ref().ok();
-        match found {
-            Some((variables, ..)) => line.extend(variables.values().map(exact)),
+        let optimum = row.optimum.as_ref().ok();
+        match optimum {
+            Some(optimum) => line.extend(optimum.variables.values().map(exact)),
             None => line.extend(VARIABLE_NAMES.map(|_| String::new())),
         }
-        let p90 = found.map(|found| found.3);
-        let criteria = found.map(|found| found.2);
+        let p90 = optimum.map(|optimum| optimum.p90);
+        let criteria = optimum.map(|optimum| optimum.criteria);
         line.extend(
             [
-                found.map(|found| found.1),
+                optimum.map(|optimum| optimum.criterion),
                 p90.map(|p90| p90.value),
                 p90.map(|p90| p90.low),
                 p90.map(|p90| p90.high),
@@ -299,7 +315,7 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
             .map(maybe_exact),
         );
         line.push(row.simulator_calls.to_string());
-        line.push(row.found.as_ref().err().cloned().unwrap_or_default());
+        line.push(row.optimum.as_ref().err().cloned().unwrap_or_default());
         table.rows.push(line);
     }
     table
@@ -313,7 +329,7 @@ fn lines(rows: &[Row]) -> Vec<PercentileSeries> {
             points: rows
                 .iter()
                 .filter(|row| row.approach == approach)
-                .filter_map(|row| Some((f64::from(row.teeth[0]), row.found.as_ref().ok()?.3)))
+                .filter_map(|row| Some((f64::from(row.teeth[0]), row.optimum.as_ref().ok()?.p90)))
                 .collect(),
         })
         .collect()
@@ -352,13 +368,20 @@ mod tests {
         let variables = design.gears();
         let sampling = &problem.campaign().sampling;
         let p90 = percentile(sampling, &[[1.0; 30], [1.2; 30]].concat());
-        let row = |teeth, approach, found| Row {
+        let row = |teeth, approach, optimum| Row {
             teeth,
             approach,
             simulator_calls: 7,
-            found,
+            optimum,
         };
-        let found = || Ok((variables, 1.0, criteria, p90));
+        let found = || {
+            Ok(Optimum {
+                variables,
+                criterion: 1.0,
+                criteria,
+                p90,
+            })
+        };
         let none = || Err("No run found a design.".to_owned());
         let rows = [
             row([19, 21], Approach::Nominal, none()),

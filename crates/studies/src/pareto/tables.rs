@@ -30,9 +30,9 @@ pub fn write_tables(
     write(out, "pareto.csv", figures.csv()?)?;
     let mut page = format!(
         "# {}: {} of ΔSTE against the {}\n\n\
-         {} designs of the DoE satisfy the constraints, that on {} (below {} MPa) aside. Below are \
-         those that no other is better than by the samples of the campaign, the optima, and what \
-         searches found; intervals are of 95 %. A design is on the front if no other one is better \
+         {} designs of the DoE satisfy the constraints other than that on {} (below {} MPa). The \
+         table has their front by the samples of the campaign, the optima, and the results of \
+         searches; intervals are of 95 %. A design is on the front if no other one is better in both \
          by verification samples.\n\n{}",
         problem.campaign().name,
         sampling.percentile_name(),
