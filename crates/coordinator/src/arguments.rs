@@ -11,7 +11,7 @@ use coordinator::server;
 use gateway::client::Reach;
 use gateway::guard::GuardFiles;
 use results::export::Table;
-use results::rows::Format;
+use results::table::Format;
 use stages::optima::approach_of;
 use store::FailPoint;
 use worker::SimulatorArguments;

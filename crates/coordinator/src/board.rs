@@ -11,7 +11,7 @@ use ledger::{
     StreamId, Unit, Vanished, Wanted, WorkerId, WorkerStatus,
 };
 use protocol::MAX_MESSAGE_BYTES;
-use results::live::Running;
+use results::running::Running;
 use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;

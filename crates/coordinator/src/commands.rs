@@ -115,13 +115,13 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
             Some(_) => return exit::FILE_ACCESS,
             None => {}
         }
-        match cause.downcast_ref::<::modelling::Error>() {
-            Some(::modelling::Error::Settings(_)) => return exit::USAGE,
-            Some(::modelling::Error::Kriging(_)) => return exit::FAILURE,
+        match cause.downcast_ref::<results::modelling::Error>() {
+            Some(results::modelling::Error::Settings(_)) => return exit::USAGE,
+            Some(results::modelling::Error::Kriging(_)) => return exit::FAILURE,
             Some(_) => return exit::BAD_FILE,
             None => {}
         }
-        if cause.is::<::modelling::InputError>() {
+        if cause.is::<results::modelling::InputError>() {
             return exit::BAD_FILE;
         }
         if cause.is::<Usage>() {

@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use ledger::{Kind, Unit};
-use results::live::{Pace, Paces};
+use results::running::{Pace, Paces};
 
 /// Minimum duration of a batch.
 const BATCH: Duration = Duration::from_secs(1);
@@ -193,9 +193,9 @@ impl Runs {
     }
 
     /// The mean, shortest and longest duration; none before a run has ended.
-    pub(crate) fn seconds(&self) -> Option<results::live::RunSeconds> {
+    pub(crate) fn seconds(&self) -> Option<results::running::RunSeconds> {
         let of = |pick: fn(f64, f64) -> f64| self.0.iter().copied().reduce(pick);
-        Some(results::live::RunSeconds {
+        Some(results::running::RunSeconds {
             mean: self.0.iter().sum::<f64>() / self.0.len() as f64,
             shortest: of(f64::min)?,
             longest: of(f64::max)?,

@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
-use results::live::Live;
+use results::running::Live;
 use results::status::Status;
 use stages::stage::Stage;
 

@@ -203,8 +203,9 @@ async fn run_open(
             let address = listener.local_addr().map_err(anyhow::Error::from)?;
             info!(url = %format!("http://{address}"), "live page");
             let board = Arc::clone(&board);
-            let site = live::Site::new(store.clone(), Some(Box::new(move || board.live())));
-            let page = live::serve(listener, site, hang_up.clone());
+            let site =
+                results::live::Site::new(store.clone(), Some(Box::new(move || board.live())));
+            let page = results::live::serve(listener, site, hang_up.clone());
             Some(tokio::spawn(async move {
                 if let Err(error) = page.await {
                     warn!(%error, "the live page has ended");

@@ -13,10 +13,11 @@ use stages::cost::{self, Cost};
 use stages::deciding::Rows;
 use stages::fitting::{self, ModelSummary};
 use stages::linear::LinearResponse;
+use stages::optima::Optimum;
 use stages::rounds::{self, Round};
 use stages::statistics::{Collector, Computed};
 use stages::{choosing, constraints, derived, designs, responses};
-use store::{Derivation, Derived, InfillRow, ModelRow, OptimumRow, Store};
+use store::{Derivation, Derived, InfillRow, ModelRow, Store};
 use tokio::sync::{Mutex, MutexGuard};
 use tracing::{debug, info, warn};
 
@@ -213,10 +214,8 @@ impl Steps {
         base: Option<&Design>,
         inputs: &str,
     ) -> anyhow::Result<()> {
-        let row = match (approach, self.failed_fit().await?) {
-            (Approach::Kriging, Some(reason)) => {
-                choosing::without_model(&self.problem, approach, reason)?
-            }
+        let optimum = match (approach, self.failed_fit().await?) {
+            (Approach::Kriging, Some(reason)) => choosing::without_model(approach, reason),
             (Approach::BestOfDoe, _) => {
                 let cost = self.sampling_cost(base).await?;
                 let base =
@@ -224,7 +223,7 @@ impl Steps {
                 let designs = self.store.designs().await?;
                 let criteria = self.store.criteria().await?;
                 let responses = self.store.responses().await?;
-                choosing::choose_of_doe(&self.problem, base, &designs, &criteria, &responses, cost)?
+                choosing::choose_of_doe(&self.problem, base, &designs, &criteria, &responses, cost)
             }
             (Approach::EnrichedKriging, _) => {
                 let base = base.context("the base variables are not known")?;
@@ -248,7 +247,7 @@ impl Steps {
                 choosing::choose_run(&self.problem, approach, &runs, extra)?
             }
         };
-        self.put_optimum(row, inputs).await
+        self.put_optimum(&optimum, inputs).await
     }
 
     /// Why there is no model, if the fit has failed.
@@ -258,8 +257,8 @@ impl Steps {
         Ok(model.and_then(|model| model.failure))
     }
 
-    /// The row of the design that the last round recommends.
-    async fn recommended(&self, base: &Design) -> anyhow::Result<OptimumRow> {
+    /// The design that the last round recommends.
+    async fn recommended(&self, base: &Design) -> anyhow::Result<Optimum> {
         let rounds = self.store.rounds().await?;
         let infill = self.store.infill().await?;
         let sampling = self.sampling_cost(Some(base)).await?;
@@ -287,22 +286,24 @@ impl Steps {
         Ok(blocking(count).await?.0)
     }
 
-    async fn put_optimum(&self, row: OptimumRow, inputs: &str) -> anyhow::Result<()> {
-        let approach = &row.approach;
-        if row.feasible {
-            info!(
-                %approach,
-                criterion = rounded(row.criterion),
-                "optimum chosen"
-            );
-        } else {
-            warn!(%approach, note = %row.note, "no feasible optimum");
+    async fn put_optimum(&self, optimum: &Optimum, inputs: &str) -> anyhow::Result<()> {
+        let (approach, note) = (optimum.approach.name(), &optimum.note);
+        match optimum.feasible() {
+            Some(found) => {
+                info!(
+                    approach,
+                    criterion = rounded(found.criterion),
+                    "optimum chosen"
+                );
+                if !note.is_empty() {
+                    info!(approach, "{note}");
+                }
+            }
+            None => warn!(approach, %note, "no feasible optimum"),
         }
-        if !row.note.is_empty() && row.feasible {
-            info!(%approach, "{}", row.note);
-        }
-        let of = Derived::Optimum(row.approach.clone());
+        let of = Derived::Optimum(approach.to_owned());
         let derivation = Derivation::new(&of, inputs);
+        let row = optimum.row(&self.problem)?;
         self.store.put_optimum(&row, &derivation).await?;
         Ok(())
     }

@@ -1,18 +1,18 @@
 //! `coordinator compare`: the paper's printed figures beside a campaign's, as a Markdown page or as JSON.
 
+use crate::report::{Comparison, ReportData};
 use anyhow::Context as _;
 use campaign::Campaign;
 use campaign::formulation::Problem;
 use gear::paper::printed::Place;
 use gear::paper::readings::{Reading, Score, readings};
 use rayon::prelude::*;
-use report::{Comparison, ReportData};
 use serde::Serialize;
 use stages::references::design;
 use store::{DesignRow, Store};
 
 use crate::reporting;
-use crate::rows::SCHEMA_VERSION;
+use crate::table::SCHEMA_VERSION;
 
 /// A campaign beside the paper.
 #[derive(Debug, Clone)]
@@ -75,7 +75,7 @@ impl Compared {
     /// The comparison as a Markdown page.
     #[must_use]
     pub fn page(&self) -> String {
-        report::comparison_markdown(&self.data, &self.scores, &self.own, remark)
+        crate::report::comparison_markdown(&self.data, &self.scores, &self.own, remark)
     }
 
     /// The comparison for programs.
@@ -103,7 +103,7 @@ impl Compared {
             samples_digest: header.samples_digest.clone(),
             reading: reading(&self.own),
             readings: self.scores.iter().map(reading).collect(),
-            rows: report::comparisons(&self.data)
+            rows: crate::report::comparisons(&self.data)
                 .into_iter()
                 .map(row)
                 .collect(),

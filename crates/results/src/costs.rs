@@ -2,11 +2,23 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use campaign::formulation::Problem;
 use ledger::Kind::{Design, Point, Run};
-use report::StageCost;
 use stages::cost::infill_seconds;
+use stages::fitting::ModelSummary;
 use stages::stage::Stage;
-use store::{JobTimeRow, StageTimeRow};
+use store::{JobTimeRow, ModelRow, StageTimeRow, Store};
+
+/// What one stage cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageCost {
+    /// The stage.
+    pub stage: Stage,
+    /// How long the campaign waited for it, s; NaN if that is not known.
+    pub wall_seconds: f64,
+    /// CPU time, s, summed over the workers; NaN if that is not known.
+    pub cpu_seconds: f64,
+}
 
 /// What the store says of times.
 pub(crate) struct Times {
@@ -21,6 +33,27 @@ pub(crate) struct Times {
 }
 
 impl Times {
+    /// Reads the times of the campaign in `store`.
+    pub(crate) async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
+        let model = store.model(ModelRow::DOE).await?;
+        let summary = model.map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
+        let enrichment = match problem.campaign().enrichment {
+            Some(_) => {
+                let rounds = store.rounds().await?;
+                let deciding = rounds.iter().map(|round| round.cpu_seconds).sum();
+                let infill = store.infill().await?;
+                Some((deciding, infill.iter().map(|row| row.number).collect()))
+            }
+            None => None,
+        };
+        Ok(Self {
+            jobs: store.job_times().await?,
+            stages: store.stage_times().await?,
+            fit: summary.transpose()?.map_or(0.0, |fit| fit.cpu_seconds),
+            enrichment,
+        })
+    }
+
     /// Wall and CPU time of each stage, in their order; what is not known is NaN.
     pub(crate) fn stages(&self) -> Vec<StageCost> {
         let mut kinds: BTreeMap<_, f64> = BTreeMap::new();
@@ -43,7 +76,7 @@ impl Times {
         all.into_iter()
             .filter(|(stage, _)| self.enrichment.is_some() || *stage != Stage::Enrich)
             .map(|(stage, cpu_seconds)| StageCost {
-                stage: stage.name().to_owned(),
+                stage,
                 wall_seconds: wall_seconds(&self.stages, stage).unwrap_or(f64::NAN),
                 cpu_seconds,
             })
@@ -85,25 +118,22 @@ mod tests {
             fit: 0.25,
             enrichment: Some((0.5, BTreeSet::from([5]))),
         };
-        let of = |times: &Times| -> Vec<(String, f64)> {
+        let of = |times: &Times| -> Vec<(Stage, f64)> {
             let stages = times.stages().into_iter();
             let known = stages.filter(|stage| stage.cpu_seconds.is_finite());
             known.map(|s| (s.stage, s.cpu_seconds)).collect()
         };
-        let named = |name: &str, seconds| (name.to_owned(), seconds);
-        let [sample, fit, optimise] = [("sample", 3.0), ("fit", 0.25), ("optimise", 16.0)]
-            .map(|(name, seconds)| named(name, seconds));
         let expected = [
-            sample,
-            fit,
-            optimise,
-            named("enrich", 8.5),
-            named("verify", 4.0),
+            (Stage::Sample, 3.0),
+            (Stage::Fit, 0.25),
+            (Stage::Optimise, 16.0),
+            (Stage::Enrich, 8.5),
+            (Stage::Verify, 4.0),
         ];
         assert_eq!(of(&times), expected);
         assert_eq!(times.stages()[1].wall_seconds, 1.5);
         assert!(times.stages()[2].wall_seconds.is_nan());
         times.enrichment = None;
-        assert_eq!(of(&times).last(), Some(&named("verify", 12.0)));
+        assert_eq!(of(&times).last(), Some(&(Stage::Verify, 12.0)));
     }
 }

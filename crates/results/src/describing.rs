@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use stages::optima::NoOptimum;
 
-use crate::live::{Live, Worker};
+use crate::running::{Live, Worker};
 use crate::status::{Enrichment, FailureGroup, Progress, Status};
 
 /// The status for people.
@@ -100,16 +100,18 @@ pub fn describe(status: &Status) -> String {
                     || " without an interval (too few)".to_owned(),
                     |(low, high)| format!(" [{low:.4}; {high:.4}]"),
                 );
-                let (name, value) = (&found.name, found.value);
-                let behind = optimum.behind.as_ref().map_or_else(String::new, |behind| {
-                    let (low, high) = (behind.low, behind.high);
-                    match low <= 0.0 {
-                        true => {
-                            format!(", not told apart from the best: {low:.4} to {high:.4} worse")
-                        }
-                        false => format!(", {low:.4} to {high:.4} worse than the best"),
+                let (name, value) = (&status.percentile, found.value);
+                let ends = optimum
+                    .behind
+                    .as_ref()
+                    .and_then(|behind| behind.low.zip(behind.high));
+                let behind = match ends {
+                    Some((low, high)) if low <= 0.0 => {
+                        format!(", not told apart from the best: {low:.4} to {high:.4} worse")
                     }
-                });
+                    Some((low, high)) => format!(", {low:.4} to {high:.4} worse than the best"),
+                    None => String::new(),
+                };
                 format!(", {name} {value:.4}{interval} by {done} verification samples{behind}")
             }
             None if *wanted == 0 => String::new(),

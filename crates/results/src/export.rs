@@ -3,22 +3,20 @@
 mod designs;
 mod evaluations;
 
-use std::collections::BTreeMap;
 use std::io::Write;
 
-use campaign::Campaign;
-use campaign::formulation::{Criteria, Problem};
+use campaign::formulation::{Problem, Quantity};
 use clap::ValueEnum;
 use ledger::StreamId;
 use stages::fitting::{ModelSummary, latest_model};
 use stages::names;
-use stages::optima::{self, approach_of, optimum_design};
 use stages::rounds::Round;
 use store::Store;
 
 use crate::converged::difference_um;
-use crate::model;
-use crate::rows::{Format, RowWriter};
+use crate::optima::Optima;
+use crate::table::{Cell, Column, Format, TableWriter};
+use crate::{model, modelling, row, snapshot};
 
 /// A table that can be exported.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -60,310 +58,319 @@ pub async fn write(
         writeln!(out, "{}", model::stored(store).await?.to_json()?)?;
         return Ok(out.flush()?);
     }
-    let file = store.campaign().await?.file_text;
-    let campaign = Campaign::parse("the store's campaign file", &file)?;
-    let problem = &Problem::new(campaign);
+    let problem = &snapshot::problem(store).await?;
     let name = table.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
-    let mut out = RowWriter::new(out, format, name, units(problem));
+    let out = Out { out, format, name };
     match table {
-        Table::Model => {}
-        Table::Designs => designs::write(store, problem, &mut out).await?,
-        Table::Samples => samples(store, problem, &mut out).await?,
-        Table::Responses => responses(store, problem, &mut out).await?,
-        Table::Loo => leave_one_out(store, problem, &mut out).await?,
-        Table::Optima => optima(store, problem, &mut out).await?,
-        Table::Rounds => rounds(store, problem, &mut out).await?,
-        Table::Infill => infill(store, problem, &mut out).await?,
-        Table::Evaluations => evaluations::write(store, problem, &mut out).await?,
-        Table::Failures => failures(store, &mut out).await?,
+        Table::Model => Ok(()),
+        Table::Designs => designs::write(store, problem, out).await,
+        Table::Samples => samples(store, problem, out).await,
+        Table::Responses => responses(store, problem, out).await,
+        Table::Loo => leave_one_out(store, problem, out).await,
+        Table::Optima => optima(store, problem, out).await,
+        Table::Rounds => rounds(store, problem, out).await,
+        Table::Infill => infill(store, problem, out).await,
+        Table::Evaluations => evaluations::write(store, problem, out).await,
+        Table::Failures => failures(store, out).await,
     }
-    out.finish()
 }
 
-/// The columns about the sampled response, as [`column`] takes them.
-const STATISTICS: [&str; 13] = [
-    "criterion",
-    "expected_improvement",
-    "mean",
-    "observed",
-    "predicted",
-    "predicted_high",
-    "predicted_low",
-    "sd",
-    "{p}",
-    "{p}_converged_difference",
-    "{p}_high",
-    "{p}_low",
-    "{p}_variance",
-];
+/// Where a table goes, and in which form.
+struct Out<'a, W: Write + Send> {
+    out: W,
+    format: Format,
+    name: &'a str,
+}
+
+impl<W: Write + Send> Out<'_, W> {
+    /// Begins a table with these columns.
+    fn table(self, columns: Vec<Column>) -> anyhow::Result<TableWriter<W>> {
+        TableWriter::new(self.out, self.format, self.name, columns)
+    }
+}
 
 /// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
 /// as the user's own names are. `{p}` stands for the percentile's.
 pub(crate) fn column(problem: &Problem, what: &str) -> String {
     let sampling = &problem.campaign().sampling;
     let name = what.replace("{p}", &sampling.percentile_column());
-    let square = if what.ends_with("variance") { "2" } else { "" };
+    let square = if is_squared(what) { "2" } else { "" };
     match problem.gears() {
         Some(_) => format!("{name}_um{square}"),
         None => name,
     }
 }
 
-/// The units of columns, by their names.
-fn units(problem: &Problem) -> BTreeMap<String, String> {
-    let sampled = problem.sampled();
-    let squared = match &*sampled.unit {
-        "" => String::new(),
-        unit => format!("{unit}²"),
+fn is_squared(what: &str) -> bool {
+    what.ends_with("variance")
+}
+
+/// A column about the sampled response, as [`column`] names it.
+fn statistic(problem: &Problem, what: &str) -> Column {
+    let unit = &problem.sampled().unit;
+    let square = if is_squared(what) && !unit.is_empty() {
+        "²"
+    } else {
+        ""
     };
-    let statistics = STATISTICS.map(|what| {
-        let is_squared = what.ends_with("variance");
-        let unit = if is_squared {
-            &*squared
-        } else {
-            &*sampled.unit
-        };
-        (column(problem, what), unit.to_owned())
-    });
-    let quantities = [problem.variables(), problem.responses(), problem.criteria()];
-    let quantities = quantities.into_iter().flatten().chain([sampled]);
-    let quantities = quantities.map(|quantity| {
-        let unit = match &*quantity.unit {
-            "" => modelling::Quantity::new(&quantity.name).unit,
-            unit => Some(unit.to_owned()),
-        };
-        (quantity.name.to_string(), unit.unwrap_or_default())
-    });
-    let cost = ("cpu_seconds".to_owned(), "s".to_owned());
-    let mut units: BTreeMap<String, String> = statistics.into_iter().chain([cost]).collect();
-    units.extend(quantities);
-    units.retain(|_, unit| !unit.is_empty());
-    units
+    Column::number(column(problem, what)).in_unit(format!("{unit}{square}"))
 }
 
-fn number(value: f64) -> String {
-    // The shortest digits that read back as the same number.
-    format!("{value}")
+/// A column of a variable, a response or a criterion.
+fn quantity(quantity: &Quantity) -> Column {
+    let unit = match &*quantity.unit {
+        // Names of gears end in their unit.
+        "" => modelling::Quantity::new(&quantity.name)
+            .unit
+            .unwrap_or_default(),
+        unit => unit.to_owned(),
+    };
+    Column::number(&*quantity.name).in_unit(unit)
 }
 
-fn optional(value: Option<f64>) -> String {
-    value.map_or_else(String::new, number)
+/// Columns of the variables that the DoE moves.
+fn coordinates(problem: &Problem) -> impl Iterator<Item = Column> {
+    problem.free_names().filter_map(|name| {
+        let mut variables = problem.variables().iter();
+        variables
+            .find(|variable| variable.name == name)
+            .map(quantity)
+    })
 }
 
-async fn failures<W: Write + Send>(store: &Store, out: &mut RowWriter<W>) -> anyhow::Result<()> {
-    out.write_record(["job", "lease", "worker", "kind", "error"])?;
+fn cpu_seconds() -> Column {
+    Column::number("cpu_seconds").in_unit("s")
+}
+
+/// Numbers, or as many missing ones.
+fn numbers(values: Option<&[f64]>, count: usize) -> Vec<Cell> {
+    match values {
+        Some(values) => values.iter().copied().map(Cell::from).collect(),
+        None => vec![Cell::Missing; count],
+    }
+}
+
+async fn failures<W: Write + Send>(store: &Store, out: Out<'_, W>) -> anyhow::Result<()> {
+    let mut out = out.table(vec![
+        Column::text("job"),
+        Column::whole("lease"),
+        Column::text("worker"),
+        Column::text("kind"),
+        Column::text("error"),
+    ])?;
     for row in store.failures().await? {
-        let lease = row.lease.to_string();
-        let kind = row.kind.as_str();
-        out.write_record([
-            &names::failed_job(&row),
-            &lease,
-            &row.worker,
-            kind,
-            &row.error,
+        let job = names::failed_job(&row);
+        out.write(&row![
+            job,
+            row.lease,
+            row.worker,
+            row.kind.as_str(),
+            row.error
         ])?;
     }
-    Ok(())
+    out.finish()
 }
 
 async fn samples<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
-    out.write_record(["design", "sample", &problem.sampled().name])?;
+    let mut out = out.table(vec![
+        Column::whole("design"),
+        Column::whole("sample"),
+        quantity(problem.sampled()),
+    ])?;
     store
         .visit_samples(|block| {
-            let design = block.stream.index.to_string();
-            block.indexed().try_for_each(|(sample, value)| {
-                out.write_record([&design, &sample.to_string(), &number(value)])
-            })
+            let design = block.stream.index;
+            let mut rows = block.indexed();
+            rows.try_for_each(|(sample, value)| out.write(&row![design, sample, value]))
         })
-        .await
+        .await?;
+    out.finish()
 }
 
 async fn responses<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
-    let [mean, sd, percentile, variance] =
-        ["mean", "sd", "{p}", "{p}_variance"].map(|what| column(problem, what));
-    out.write_record(["design", &mean, &sd, &percentile, &variance, "lilliefors_p"])?;
+    let mut columns = vec![Column::whole("design")];
+    columns.extend(["mean", "sd", "{p}", "{p}_variance"].map(|what| statistic(problem, what)));
+    columns.push(Column::number("lilliefors_p"));
+    let mut out = out.table(columns)?;
     for row in store.responses().await? {
-        out.write_record([
-            row.design.to_string(),
-            number(row.mean),
-            number(row.standard_deviation),
-            number(row.percentile),
-            number(row.percentile_variance),
-            optional(row.lilliefors_p),
+        out.write(&row![
+            row.design,
+            row.mean,
+            row.standard_deviation,
+            row.percentile,
+            row.percentile_variance,
+            row.lilliefors_p,
         ])?;
     }
-    Ok(())
+    out.finish()
 }
 
 async fn leave_one_out<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
-    let [observed, predicted] = ["observed", "predicted"].map(|what| column(problem, what));
-    out.write_record(["design", &observed, &predicted, "standardised_residual"])?;
-    let Some(row) = latest_model(store).await? else {
-        return Ok(());
-    };
-    let summary: ModelSummary = serde_json::from_str(&row.summary_json)?;
-    for left_out in summary.leave_one_out() {
-        out.write_record([
-            left_out.number.to_string(),
-            number(left_out.observed),
-            number(left_out.predicted),
-            number(left_out.standardised),
-        ])?;
+    let mut columns = vec![Column::whole("design")];
+    columns.extend(["observed", "predicted"].map(|what| statistic(problem, what)));
+    columns.push(Column::number("standardised_residual"));
+    let mut out = out.table(columns)?;
+    if let Some(row) = latest_model(store).await? {
+        let summary: ModelSummary = serde_json::from_str(&row.summary_json)?;
+        for left_out in summary.leave_one_out() {
+            out.write(&row![
+                left_out.number,
+                left_out.observed,
+                left_out.predicted,
+                left_out.standardised,
+            ])?;
+        }
     }
-    Ok(())
+    out.finish()
 }
 
 async fn rounds<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
-    let [improvement, predicted, low, high] = [
+    let counts = ["round", "points", "samples", "failed", "ruled_out"];
+    let mut columns: Vec<Column> = counts.map(Column::whole).to_vec();
+    let predictions = [
         "expected_improvement",
         "predicted",
         "predicted_low",
         "predicted_high",
-    ]
-    .map(|what| column(problem, what));
-    out.write_record([
-        "round",
-        "points",
-        "samples",
-        "failed",
-        "ruled_out",
-        &improvement,
-        &predicted,
-        &low,
-        &high,
-        "simulator_calls",
-        "cpu_seconds",
-        "stop",
-    ])?;
+    ];
+    columns.extend(predictions.map(|what| statistic(problem, what)));
+    columns.extend([
+        Column::whole("simulator_calls"),
+        cpu_seconds(),
+        Column::text("stop"),
+    ]);
+    let mut out = out.table(columns)?;
     let infill = store.infill().await?;
     for row in store.rounds().await? {
         let round = Round::read(row)?;
         let row = &round.row;
         let points = || infill.iter().filter(|point| point.round == row.round);
+        let sampled = points().filter(|point| !point.is_ruled_out());
         let best = round.recommendation.as_ref();
-        out.write_record([
-            (row.round + 1).to_string(),
-            points().count().to_string(),
-            points()
-                .filter(|point| !point.is_ruled_out())
-                .map(|point| point.samples)
-                .sum::<u64>()
-                .to_string(),
-            points()
-                .filter(|point| point.has_failed())
-                .count()
-                .to_string(),
-            points()
-                .filter(|point| point.is_ruled_out())
-                .count()
-                .to_string(),
-            optional(row.expected_improvement),
-            optional(best.map(|best| best.predicted)),
-            optional(best.map(|best| best.interval.0)),
-            optional(best.map(|best| best.interval.1)),
-            row.simulator_calls.to_string(),
-            number(row.cpu_seconds),
-            round
-                .stop
-                .as_ref()
-                .map_or_else(String::new, ToString::to_string),
+        let stop = round.stop.as_ref();
+        out.write(&row![
+            row.round + 1,
+            points().count(),
+            sampled.map(|point| point.samples).sum::<u64>(),
+            points().filter(|point| point.has_failed()).count(),
+            points().filter(|point| point.is_ruled_out()).count(),
+            row.expected_improvement,
+            best.map(|best| best.predicted),
+            best.map(|best| best.interval.0),
+            best.map(|best| best.interval.1),
+            row.simulator_calls,
+            row.cpu_seconds,
+            stop.map_or_else(String::new, ToString::to_string),
         ])?;
     }
-    Ok(())
+    out.finish()
 }
 
 async fn infill<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
-    let mut header = vec!["point", "round", "reason"];
-    header.extend(problem.free_names());
-    let [percentile, variance] = ["{p}", "{p}_variance"].map(|what| column(problem, what));
-    header.extend(["violation", "samples", "failed", &percentile, &variance]);
-    out.write_record(&header)?;
-    for row in store.infill().await? {
-        let samples = store.values_of(StreamId::point(row.number)).await?;
-        let is_whole = samples.len() as u64 == row.samples && !row.failed;
+    let mut columns = vec![
+        Column::text("point"),
+        Column::whole("round"),
+        Column::text("reason"),
+    ];
+    columns.extend(coordinates(problem));
+    columns.extend([
+        Column::number("violation"),
+        Column::whole("samples"),
+        Column::whole("failed"),
+    ]);
+    columns.extend(["{p}", "{p}_variance"].map(|what| statistic(problem, what)));
+    let mut out = out.table(columns)?;
+    for point in store.infill().await? {
+        let samples = store.values_of(StreamId::point(point.number)).await?;
+        let is_whole = samples.len() as u64 == point.samples && !point.failed;
         let estimate = problem.campaign().sampling.estimate(&samples).ok();
         let estimate = estimate
             .filter(|_| is_whole)
             .map(|estimate| estimate.chosen);
-        let mut record = vec![row.name, (row.round + 1).to_string(), row.reason];
-        record.extend(row.x.iter().copied().map(number));
-        record.push(number(row.violation));
-        record.push(row.samples.to_string());
-        record.push(u8::from(row.failed).to_string());
-        record.push(optional(estimate.map(|estimate| estimate.p90)));
-        record.push(optional(estimate.map(|estimate| estimate.variance)));
-        out.write_record(&record)?;
+        let mut row = row![point.name, point.round + 1, point.reason];
+        row.extend(numbers(Some(&point.x), 0));
+        row.extend(row![
+            point.violation,
+            point.samples,
+            point.failed,
+            estimate.map(|estimate| estimate.p90),
+            estimate.map(|estimate| estimate.variance),
+        ]);
+        out.write(&row)?;
     }
-    Ok(())
+    out.finish()
 }
 
 async fn optima<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
-    let variables = problem.variables();
-    let criteria = problem.criteria();
-    let mut header = vec!["approach"];
-    header.extend(variables.iter().map(|variable| &*variable.name));
-    let names = ["criterion", "{p}", "{p}_low", "{p}_high"].map(|what| column(problem, what));
-    header.extend(names.iter().map(String::as_str));
+    let (variables, criteria) = (problem.variables(), problem.criteria());
+    let mut columns = vec![Column::text("approach")];
+    columns.extend(variables.iter().map(quantity));
+    let estimates = ["criterion", "{p}", "{p}_low", "{p}_high"];
+    columns.extend(estimates.map(|what| statistic(problem, what)));
     let has_grid = problem.gears().is_some();
-    let difference = column(problem, "{p}_converged_difference");
-    header.extend(has_grid.then_some(&*difference));
-    header.extend(criteria.iter().map(|criterion| &*criterion.name));
-    header.extend(["feasible", "simulator_calls", "cpu_seconds"]);
-    out.write_record(&header)?;
-    for row in optima::stored(store).await? {
-        let design = optimum_design(problem, &row);
-        let found: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
-        let samples = optima::verification_samples(store, &row).await?;
-        let percentile = problem.campaign().sampling.verified(&samples).ok();
+    columns.extend(has_grid.then(|| statistic(problem, "{p}_converged_difference")));
+    columns.extend(criteria.iter().map(quantity));
+    columns.extend([
+        Column::whole("feasible"),
+        Column::whole("simulator_calls"),
+        cpu_seconds(),
+    ]);
+    let mut out = out.table(columns)?;
+    for verified in Optima::read(store, problem).await?.iter() {
+        let optimum = &verified.optimum;
+        let found = optimum.found.as_ref().ok();
+        let percentile = verified.percentile;
         let interval = percentile.and_then(|percentile| percentile.interval);
-        let approach = approach_of(&row.approach).map(|a| problem.approach_name(a).to_owned());
-        let mut record = vec![approach.unwrap_or_else(|| row.approach.clone())];
-        let blanks = |count| std::iter::repeat_n(String::new(), count);
-        match &design {
-            Some(design) => record.extend(design.values().iter().copied().map(number)),
-            None => record.extend(blanks(variables.len())),
-        }
-        record.push(optional(design.as_ref().map(|_| row.criterion)));
-        record.push(optional(percentile.map(|percentile| percentile.value)));
-        record.push(optional(interval.map(|(low, _)| low)));
-        record.push(optional(interval.map(|(_, high)| high)));
+        let mut row = row![problem.approach_name(optimum.approach)];
+        row.extend(numbers(
+            found.map(|found| found.design.values()),
+            variables.len(),
+        ));
+        row.extend(row![
+            found.map(|found| found.criterion),
+            percentile.map(|percentile| percentile.value),
+            interval.map(|(low, _)| low),
+            interval.map(|(_, high)| high),
+        ]);
         if has_grid {
-            let difference = design.and_then(|design| difference_um(problem, &design));
-            record.push(optional(difference));
+            let difference = found.and_then(|found| difference_um(problem, &found.design));
+            row.push(difference.into());
         }
-        match found {
-            Some(found) => record.extend(found.values().iter().copied().map(number)),
-            None => record.extend(blanks(criteria.len())),
-        }
-        record.push(u8::from(row.feasible).to_string());
-        record.push(row.simulator_calls.to_string());
-        record.push(number(row.cpu_seconds));
-        out.write_record(&record)?;
+        row.extend(numbers(
+            found.map(|found| found.criteria.values()).as_deref(),
+            criteria.len(),
+        ));
+        row.extend(row![
+            optimum.feasible().is_some(),
+            optimum.cost.simulator_calls,
+            optimum.cost.cpu_seconds,
+        ]);
+        out.write(&row)?;
     }
-    Ok(())
+    out.finish()
 }

@@ -1,10 +1,10 @@
 //! The kriging model of a store as a model file.
 
+use crate::modelling::{ModelFile, Quantity};
 use anyhow::Context as _;
 use campaign::Campaign;
 use campaign::formulation::Problem;
 use kriging::Surrogate;
-use modelling::{ModelFile, Quantity};
 use stages::fitting::latest_model;
 use store::Store;
 

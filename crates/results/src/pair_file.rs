@@ -23,10 +23,14 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
             campaign.name
         );
     }
+    let problem = Problem::new(campaign);
     let name = approach.name();
-    let rows = optima::stored(store).await?;
-    let Some(row) = rows.iter().find(|row| row.approach == name) else {
-        let known: Vec<&str> = rows.iter().map(|row| row.approach.as_str()).collect();
+    let optima = optima::stored(store, &problem).await?;
+    let Some(optimum) = optima.iter().find(|optimum| optimum.approach == approach) else {
+        let known: Vec<&str> = optima
+            .iter()
+            .map(|optimum| optimum.approach.name())
+            .collect();
         bail!(
             "{} holds no optimum of approach {name}; it holds those of: {}",
             store.path().display(),
@@ -37,10 +41,9 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
             }
         );
     };
-    let problem = Problem::new(campaign);
     let sections = problem.campaign().gears();
     let sections = sections.context("a pair file is of gears")?;
-    let design = optima::optimum_design(&problem, row)
-        .with_context(|| format!("approach {name} found no design: {}", row.note))?;
-    Ok(PairFile::of_design(sections, &design.gears()))
+    let found = optimum.found_or_sentence();
+    let found = found.map_err(|why| anyhow::anyhow!("approach {name} found no design: {why}"))?;
+    Ok(PairFile::of_design(sections, &found.design.gears()))
 }

@@ -15,34 +15,19 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
 
-use crate::rows::{Kind, SCHEMA_VERSION, kind};
+use crate::table::{Cell, Column, Kind, SCHEMA_VERSION};
 
-/// Rows that are held until they are written as a row group.
+/// Rows of a row group; they are kept in memory until it is full.
 const ROWS: usize = 1 << 16;
 
-/// Writes the rows of a table; the first record is the header.
+/// Writes the rows of a table, which fit its columns.
 pub(crate) struct ParquetWriter<W: Write + Send> {
-    table: String,
-    units: BTreeMap<String, String>,
-    state: State<W>,
+    file: SerializedFileWriter<W>,
+    columns: Vec<Values>,
+    rows: usize,
 }
 
-enum State<W: Write + Send> {
-    New(W),
-    Begun {
-        file: Box<SerializedFileWriter<W>>,
-        columns: Vec<Column>,
-    },
-    /// The header could not be written.
-    Failed,
-}
-
-/// A column with the values that are not written yet; a number that is missing is none.
-struct Column {
-    name: String,
-    values: Values,
-}
-
+/// The values of a column that are not written yet; a number that is missing is none.
 enum Values {
     Text(Vec<ByteArray>),
     Whole(Vec<Option<i64>>),
@@ -50,174 +35,123 @@ enum Values {
 }
 
 impl<W: Write + Send> ParquetWriter<W> {
-    /// A writer of the table of this name, whose columns have these units.
-    pub(crate) fn new(out: W, table: &str, units: BTreeMap<String, String>) -> Self {
-        Self {
-            table: table.to_owned(),
-            units,
-            state: State::New(out),
-        }
+    /// Begins the table of this name.
+    pub(crate) fn new(out: W, table: &str, columns: &[Column]) -> anyhow::Result<Self> {
+        let fields = columns.iter().map(schema).collect::<Result<_, _>>()?;
+        let schema = Type::group_type_builder(table)
+            .with_fields(fields)
+            .build()?;
+        let with_unit = columns.iter().filter(|column| !column.unit.is_empty());
+        let units: BTreeMap<&str, &str> = with_unit
+            .map(|column| (&*column.name, &*column.unit))
+            .collect();
+        let metadata = [
+            ("table", table.to_owned()),
+            ("schema_version", SCHEMA_VERSION.to_string()),
+            ("units", serde_json::to_string(&units)?),
+        ];
+        let metadata = metadata.map(|(key, value)| KeyValue::new(key.to_owned(), value));
+        let properties = WriterProperties::builder()
+            .set_created_by("pitchline".to_owned())
+            .set_compression(Compression::SNAPPY)
+            .set_key_value_metadata(Some(metadata.to_vec()))
+            .build();
+        Ok(Self {
+            file: SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties))?,
+            columns: columns.iter().map(Values::new).collect(),
+            rows: 0,
+        })
     }
 
-    /// Writes the header, then each row.
-    pub(crate) fn write_record(&mut self, fields: &[String]) -> anyhow::Result<()> {
-        match &mut self.state {
-            State::Begun { file, columns } => {
-                anyhow::ensure!(
-                    columns.len() == fields.len(),
-                    "a row has {} fields, but its header {}",
-                    fields.len(),
-                    columns.len()
-                );
-                for (column, field) in columns.iter_mut().zip(fields) {
-                    column.push(field)?;
-                }
-                if columns.first().is_some_and(|column| column.len() == ROWS) {
-                    write_group(file, columns)?;
-                }
-                Ok(())
-            }
-            state => {
-                let State::New(out) = std::mem::replace(state, State::Failed) else {
-                    anyhow::bail!("the table's header could not be written");
-                };
-                *state = begin(out, &self.table, &self.units, fields)?;
-                Ok(())
-            }
+    /// Writes a row.
+    pub(crate) fn write(&mut self, row: &[Cell]) -> anyhow::Result<()> {
+        for (values, cell) in self.columns.iter_mut().zip(row) {
+            values.push(cell)?;
         }
+        self.rows += 1;
+        if self.rows == ROWS {
+            self.write_group()?;
+        }
+        Ok(())
     }
 
     /// Ends the table.
-    pub(crate) fn finish(self) -> anyhow::Result<()> {
-        let State::Begun {
-            mut file,
-            mut columns,
-        } = self.state
-        else {
-            anyhow::bail!("the table has no header");
-        };
-        if columns.first().is_some_and(|column| column.len() > 0) {
-            write_group(&mut file, &mut columns)?;
+    pub(crate) fn finish(mut self) -> anyhow::Result<()> {
+        if self.rows > 0 {
+            self.write_group()?;
         }
-        file.finish()?;
-        Ok(file.inner_mut().flush()?)
+        self.file.finish()?;
+        Ok(self.file.inner_mut().flush()?)
+    }
+
+    /// Writes the values of all columns, and forgets them.
+    fn write_group(&mut self) -> anyhow::Result<()> {
+        let mut group = self.file.next_row_group()?;
+        for values in &mut self.columns {
+            let mut out = group.next_column()?.context("unknown column")?;
+            values.write(&mut out)?;
+            out.close()?;
+        }
+        group.close()?;
+        self.rows = 0;
+        Ok(())
     }
 }
 
-fn begin<W: Write + Send>(
-    out: W,
-    table: &str,
-    units: &BTreeMap<String, String>,
-    header: &[String],
-) -> anyhow::Result<State<W>> {
-    let columns: Vec<Column> = header.iter().map(|name| Column::new(name)).collect();
-    let fields = columns.iter().map(Column::schema);
-    let fields = fields.collect::<Result<_, _>>()?;
-    let schema = Type::group_type_builder(table)
-        .with_fields(fields)
-        .build()?;
-    let named = |name: &&String| Some((name.to_string(), units.get(*name)?.clone()));
-    let units: BTreeMap<String, String> = header.iter().filter_map(|name| named(&name)).collect();
-    let metadata = [
-        ("table", table.to_owned()),
-        ("schema_version", SCHEMA_VERSION.to_string()),
-        ("units", serde_json::to_string(&units)?),
-    ];
-    let metadata = metadata.map(|(key, value)| KeyValue::new(key.to_owned(), value));
-    let properties = WriterProperties::builder()
-        .set_created_by("pitchline".to_owned())
-        .set_compression(Compression::SNAPPY)
-        .set_key_value_metadata(Some(metadata.to_vec()))
-        .build();
-    let file = SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties))?;
-    let file = Box::new(file);
-    Ok(State::Begun { file, columns })
+fn schema(column: &Column) -> parquet::errors::Result<Arc<Type>> {
+    let (physical, logical, repetition) = match column.kind {
+        Kind::Text => (
+            Physical::BYTE_ARRAY,
+            Some(LogicalType::String),
+            Repetition::REQUIRED,
+        ),
+        Kind::Whole => (Physical::INT64, None, Repetition::OPTIONAL),
+        Kind::Number => (Physical::DOUBLE, None, Repetition::OPTIONAL),
+    };
+    let column = Type::primitive_type_builder(&column.name, physical)
+        .with_logical_type(logical)
+        .with_repetition(repetition);
+    Ok(Arc::new(column.build()?))
 }
 
-/// Writes the values of all columns, and forgets them.
-fn write_group<W: Write + Send>(
-    file: &mut SerializedFileWriter<W>,
-    columns: &mut [Column],
-) -> anyhow::Result<()> {
-    let mut group = file.next_row_group()?;
-    for column in columns {
-        let mut out = group.next_column()?.context("a column without a place")?;
-        column.write(&mut out)?;
-        out.close()?;
-    }
-    group.close()?;
-    Ok(())
-}
-
-impl Column {
-    fn new(name: &str) -> Self {
-        let values = match kind(name) {
-            Kind::Text => Values::Text(Vec::new()),
-            Kind::Whole => Values::Whole(Vec::new()),
-            Kind::Number => Values::Number(Vec::new()),
-        };
-        Self {
-            name: name.to_owned(),
-            values,
+impl Values {
+    fn new(column: &Column) -> Self {
+        match column.kind {
+            Kind::Text => Self::Text(Vec::new()),
+            Kind::Whole => Self::Whole(Vec::new()),
+            Kind::Number => Self::Number(Vec::new()),
         }
     }
 
-    fn schema(&self) -> parquet::errors::Result<Arc<Type>> {
-        let (physical, logical, repetition) = match self.values {
-            Values::Text(_) => (
-                Physical::BYTE_ARRAY,
-                Some(LogicalType::String),
-                Repetition::REQUIRED,
-            ),
-            Values::Whole(_) => (Physical::INT64, None, Repetition::OPTIONAL),
-            Values::Number(_) => (Physical::DOUBLE, None, Repetition::OPTIONAL),
-        };
-        let column = Type::primitive_type_builder(&self.name, physical)
-            .with_logical_type(logical)
-            .with_repetition(repetition);
-        Ok(Arc::new(column.build()?))
-    }
-
-    fn len(&self) -> usize {
-        match &self.values {
-            Values::Text(values) => values.len(),
-            Values::Whole(values) => values.len(),
-            Values::Number(values) => values.len(),
-        }
-    }
-
-    fn push(&mut self, field: &str) -> anyhow::Result<()> {
-        let name = &self.name;
-        let what = |what| format!("column {name} holds {field:?}, which is no {what}");
-        let is_given = !field.is_empty();
-        match &mut self.values {
-            Values::Text(values) => values.push(field.into()),
-            Values::Whole(values) => {
-                let whole = is_given.then(|| field.parse()).transpose();
-                values.push(whole.with_context(|| what("whole number"))?);
+    fn push(&mut self, cell: &Cell) -> anyhow::Result<()> {
+        match (self, cell) {
+            (Self::Text(values), Cell::Text(text)) => values.push(text.as_str().into()),
+            (Self::Whole(values), Cell::Whole(number)) => {
+                let number = i64::try_from(*number).context("a number of more than 63 bits")?;
+                values.push(Some(number));
             }
-            Values::Number(values) => {
-                let number = is_given.then(|| field.parse()).transpose();
-                values.push(number.with_context(|| what("number"))?);
-            }
+            (Self::Whole(values), Cell::Missing) => values.push(None),
+            (Self::Number(values), Cell::Number(number)) => values.push(Some(*number)),
+            (Self::Number(values), Cell::Missing) => values.push(None),
+            (_, cell) => anyhow::bail!("{cell:?} does not fit its column"),
         }
         Ok(())
     }
 
     fn write(&mut self, out: &mut SerializedColumnWriter<'_>) -> anyhow::Result<()> {
-        match &mut self.values {
-            Values::Text(values) => {
+        match self {
+            Self::Text(values) => {
                 let values = std::mem::take(values);
                 out.typed::<ByteArrayType>()
                     .write_batch(&values, None, None)?;
             }
-            Values::Whole(values) => {
-                let (values, levels) = given(std::mem::take(values));
+            Self::Whole(values) => {
+                let (values, levels) = present(std::mem::take(values));
                 out.typed::<Int64Type>()
                     .write_batch(&values, Some(&levels), None)?;
             }
-            Values::Number(values) => {
-                let (values, levels) = given(std::mem::take(values));
+            Self::Number(values) => {
+                let (values, levels) = present(std::mem::take(values));
                 out.typed::<DoubleType>()
                     .write_batch(&values, Some(&levels), None)?;
             }
@@ -226,8 +160,8 @@ impl Column {
     }
 }
 
-/// The values that there are, and for each row whether there is one.
-fn given<T: Copy>(values: Vec<Option<T>>) -> (Vec<T>, Vec<i16>) {
+/// The values that are present, and for each row whether there is one.
+fn present<T: Copy>(values: Vec<Option<T>>) -> (Vec<T>, Vec<i16>) {
     let levels = values.iter().map(|value| value.is_some().into()).collect();
     (values.into_iter().flatten().collect(), levels)
 }
@@ -238,14 +172,15 @@ mod tests {
     use parquet::record::RowAccessor as _;
 
     use super::*;
+    use crate::row;
 
-    fn written(rows: &[&[&str]]) -> anyhow::Result<SerializedFileReader<std::fs::File>> {
+    fn written(rows: &[Vec<Cell>]) -> anyhow::Result<SerializedFileReader<std::fs::File>> {
         let mut file = tempfile::tempfile()?;
-        let units = BTreeMap::from([("p90_um".to_owned(), "µm".to_owned())]);
-        let mut out = ParquetWriter::new(&mut file, "failures", units);
+        let p90 = Column::number("p90_um").in_unit("µm");
+        let columns = [Column::text("job"), Column::whole("lease"), p90];
+        let mut out = ParquetWriter::new(&mut file, "failures", &columns)?;
         for row in rows {
-            let row: Vec<String> = row.iter().map(|&field| field.to_owned()).collect();
-            out.write_record(&row)?;
+            out.write(row)?;
         }
         out.finish()?;
         Ok(SerializedFileReader::new(file)?)
@@ -253,8 +188,8 @@ mod tests {
 
     #[test]
     fn rows_are_read_back_with_types_and_units() {
-        let header: &[&str] = &["job", "lease", "p90_um"];
-        let file = written(&[header, &["7", "2", "1.5"], &["a,b", "3", ""]]).unwrap();
+        let rows = [row!["7", 2_u64, 1.5], row!["a,b", 3_u64, None::<f64>]];
+        let file = written(&rows).unwrap();
         let metadata = file.metadata().file_metadata().key_value_metadata();
         let value = |key: &str| {
             let pair = metadata.unwrap().iter().find(|pair| pair.key == key);
@@ -273,36 +208,17 @@ mod tests {
         assert_eq!(rows[0].get_double(2).unwrap(), 1.5);
         assert_eq!(rows[1].get_string(0).unwrap(), "a,b");
         assert!(rows[1].get_double(2).is_err(), "no value");
-        let empty = written(&[header]).unwrap();
-        assert_eq!(empty.metadata().file_metadata().num_rows(), 0);
-        assert_eq!(
-            empty
-                .metadata()
-                .file_metadata()
-                .schema_descr()
-                .num_columns(),
-            3
-        );
+        let empty = written(&[]).unwrap();
+        let metadata = empty.metadata().file_metadata();
+        assert_eq!(metadata.num_rows(), 0);
+        assert_eq!(metadata.schema_descr().num_columns(), 3);
     }
 
     #[test]
     fn a_long_table_has_several_row_groups() {
         let many = ROWS + 3;
-        let mut rows: Vec<&[&str]> = vec![&["p90_um"]];
-        rows.extend(std::iter::repeat_n(&["0.25"][..], many));
-        let file = written(&rows).unwrap();
+        let file = written(&vec![row!["", 1_u64, 0.25]; many]).unwrap();
         assert_eq!(file.metadata().num_row_groups(), 2);
         assert_eq!(file.get_row_iter(None).unwrap().count(), many);
-    }
-
-    #[test]
-    fn what_is_no_row_of_the_table_is_an_error() {
-        assert!(written(&[&["design", "p90_um"], &["1"]]).is_err());
-        let error = written(&[&["design"], &["1.5"]]).err().unwrap();
-        assert!(
-            error.to_string().contains("design holds \"1.5\""),
-            "{error}"
-        );
-        assert!(written(&[]).is_err());
     }
 }

@@ -2,29 +2,30 @@
 
 mod enrichment;
 mod facts;
+mod head;
 mod model;
 mod notes;
 mod optima;
 mod printed;
-mod problem;
-mod sources;
-mod summary;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
-use campaign::{Approach, Campaign};
-use report::{DoePoint, Header, Limits, Refusals, ReportData, StageCost, Summary, WearProfiles};
+use campaign::Approach;
+use gear::WearProfile;
 use stages::cost::{infill_calls, sampling_calls};
-use stages::optima::optimum_design;
 use stats::streams::{Purpose, stream};
 use store::Store;
 
 pub use self::enrichment::rounds;
-pub use self::optima::{contact, drawing, run, ste};
-use self::sources::Sources;
-use crate::costs::Times;
+pub use self::optima::run;
+use crate::costs::StageCost;
+use crate::report::{
+    DoePoint, Enrichment, GearData, Header, ReportData, WearProfiles, approach_name, render,
+};
+use crate::snapshot::Snapshot;
+use crate::status::{self, Status};
 
 /// Random wear profiles in Figure 2.
 const WEAR_PROFILES: u64 = 10;
@@ -46,15 +47,11 @@ pub async fn write(
     out: &Path,
     made: &[(String, String)],
 ) -> anyhow::Result<PathBuf> {
-    let sources = Sources::read(store).await?;
-    let status = crate::status::read(store).await?;
-    let mut summary = summary::summary(&sources, &status, made)?;
-    summary.inputs.extend(took(&costs(store, &sources).await?));
-    let rendered = if sources.problem.gears().is_some() {
-        report::render(&gathered(store, &sources, summary).await?)?
-    } else {
-        report::render_problem(&problem::gather(store, &sources, summary).await?)?
+    let data = ReportData {
+        made: made.to_vec(),
+        ..gather(store).await?
     };
+    let rendered = render(&data)?;
     let charts = out.join(CHARTS);
     std::fs::create_dir_all(&charts)
         .with_context(|| format!("cannot make the folder {}", charts.display()))?;
@@ -86,58 +83,60 @@ fn replace(path: &Path, text: &str) -> anyhow::Result<()> {
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// Gathers the data of a gear campaign's report.
+/// Gathers the data of a campaign's report.
 ///
 /// # Errors
 ///
 /// The store cannot be read, or holds what this version cannot read.
 pub async fn gather(store: &Store) -> anyhow::Result<ReportData> {
-    let sources = Sources::read(store).await?;
-    let status = crate::status::read(store).await?;
-    let summary = summary::summary(&sources, &status, &[])?;
-    gathered(store, &sources, summary).await
+    let snapshot = Snapshot::read(store).await?;
+    let status = status::read(store).await?;
+    let enrichment = enrichment::enrichment(store, &snapshot).await?;
+    gathered(snapshot, &status, enrichment)
 }
 
-async fn gathered(
-    store: &Store,
-    sources: &Sources,
-    summary: Summary,
+fn gathered(
+    snapshot: Snapshot,
+    status: &Status,
+    enrichment: Option<Enrichment>,
 ) -> anyhow::Result<ReportData> {
-    let digest = store.samples_digest().await?;
-    let stages = costs(store, sources).await?;
-    let compare = sources.problem.campaign().compares_with_paper();
-    let best = summary::best(sources);
+    let problem = &snapshot.problem;
+    let mut inputs = head::inputs(problem);
+    inputs.extend(duration(&snapshot.costs));
+    let best = snapshot.optima.recommended();
+    let best = best.and_then(|best| best.optimum.feasible());
+    let compare_with_paper = problem.campaign().compares_with_paper();
+    let of_paper = compare_with_paper.then_some(&snapshot);
+    let gears = match problem.gears() {
+        Some(_) => Some(GearData {
+            compare_with_paper,
+            preliminary: of_paper.map_or_else(Vec::new, printed::preliminary),
+            doe: doe(&snapshot),
+            similar: of_paper.map_or_else(Vec::new, printed::similar),
+            wear: wear(&snapshot),
+            illustrations: optima::illustrations(&snapshot),
+            runs: optima::runs(&snapshot)?,
+            enrichment,
+            printed: of_paper.map_or_else(Vec::new, printed::printed_designs),
+        }),
+        None => None,
+    };
     Ok(ReportData {
-        header: header(sources, digest, stages),
-        summary,
-        compare_with_paper: compare,
-        limits: limits(sources.problem.campaign()),
-        preliminary: if compare {
-            printed::preliminary(sources)
-        } else {
-            Vec::new()
-        },
-        doe: doe(sources),
-        similar: if compare {
-            printed::similar(sources)
-        } else {
-            Vec::new()
-        },
-        wear: wear(sources),
-        kriging: model::kriging(sources, best.as_ref())?,
-        approaches: optima::approaches(sources)?,
-        enrichment: enrichment::enrichment(store, sources).await?,
-        printed: if compare {
-            printed::printed_designs(sources)
-        } else {
-            Vec::new()
-        },
-        notes: notes::notes(sources, &store.failures().await?),
+        header: header(&snapshot),
+        missing: head::missing(status),
+        inputs,
+        made: Vec::new(),
+        left_out: head::left_out(problem),
+        kriging: model::kriging(&snapshot, best.map(|found| &found.design))?,
+        notes: notes::notes(&snapshot),
+        gears,
+        optima: snapshot.optima,
+        problem: snapshot.problem,
     })
 }
 
 /// What the whole campaign took, for the head of the report.
-fn took(stages: &[StageCost]) -> Option<(String, String)> {
+fn duration(stages: &[StageCost]) -> Option<(String, String)> {
     let sum = |of: fn(&StageCost) -> f64| {
         let known = stages.iter().map(of).filter(|seconds| seconds.is_finite());
         known.sum::<f64>()
@@ -147,103 +146,57 @@ fn took(stages: &[StageCost]) -> Option<(String, String)> {
     (wall > 0.0).then(|| ("Wall time".to_owned(), text))
 }
 
-/// What the stages cost.
-async fn costs(store: &Store, sources: &Sources) -> anyhow::Result<Vec<StageCost>> {
-    let deciding = || sources.rounds.iter().map(|round| round.cpu_seconds).sum();
-    let numbers = || sources.infill.iter().map(|row| row.number).collect();
-    let enriches = sources.problem.campaign().enrichment.is_some();
-    let times = Times {
-        jobs: store.job_times().await?,
-        stages: store.stage_times().await?,
-        fit: sources
-            .model
-            .as_ref()
-            .map_or(0.0, |model| model.cpu_seconds),
-        enrichment: enriches.then(|| (deciding(), numbers())),
-    };
-    Ok(times.stages())
-}
-
-fn header(sources: &Sources, samples_digest: String, stages: Vec<StageCost>) -> Header {
-    let campaign = sources.problem.campaign();
+fn header(snapshot: &Snapshot) -> Header {
+    let campaign = snapshot.problem.campaign();
     let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
-    for reason in sources
-        .criteria
-        .iter()
-        .filter(|row| !row.simulable)
-        .filter_map(|row| row.reason.as_deref())
-    {
+    let refused = snapshot.criteria.iter().filter(|row| !row.simulable);
+    for reason in refused.filter_map(|row| row.reason.as_deref()) {
         let code = reason.split(':').next().unwrap_or(reason);
         *reasons.entry(code).or_default() += 1;
     }
-    let mut refused: Vec<Refusals> = reasons
-        .into_iter()
-        .map(|(reason, count)| Refusals {
-            reason: reason.to_owned(),
-            count,
-        })
+    let reasons = reasons.into_iter();
+    let mut refused: Vec<(String, usize)> = reasons
+        .map(|(reason, count)| (reason.to_owned(), count))
         .collect();
-    refused.sort_by(|a, b| b.count.cmp(&a.count).then(a.reason.cmp(&b.reason)));
+    refused.sort_by(|(a, m), (b, n)| n.cmp(m).then(a.cmp(b)));
 
-    let sampling = sampling_calls(&sources.criteria, sources.samples);
+    let sampling = sampling_calls(&snapshot.criteria, snapshot.samples);
     // An approach that rests on the DoE counts its calls as its own; here they count once.
-    let optimising: u64 = sources.runs.iter().map(|run| run.simulator_calls).sum();
-    let verifying: u64 = sources
-        .verified
-        .values()
-        .map(|samples| samples.len() as u64)
-        .sum();
-    let enriching = infill_calls(&sources.problem, &sources.rounds, &sources.infill);
+    let optimising: u64 = snapshot.runs.iter().map(|run| run.simulator_calls).sum();
+    let verified = snapshot.optima.iter().map(|verified| verified.samples());
+    let printed = snapshot.printed.values().map(Vec::as_slice);
+    let verifying: usize = verified.chain(printed).map(<[f64]>::len).sum();
+    let enriching = infill_calls(&snapshot.problem, &snapshot.rounds, &snapshot.infill);
     Header {
-        campaign: sources.campaign.name.clone(),
+        campaign: snapshot.campaign.name.clone(),
         campaign_digest: campaign.lineage(),
-        seed: sources.campaign.seed,
-        program_version: sources.campaign.program_version.clone(),
-        samples_digest,
+        seed: snapshot.campaign.seed,
+        program_version: snapshot.campaign.program_version.clone(),
+        samples_digest: snapshot.samples_digest.clone(),
         designs: campaign.doe.designs as usize,
         samples_per_design: campaign.sampling.samples_per_design as usize,
         percentile: campaign.sampling.percentile_name(),
-        simulable: sources.criteria.iter().filter(|row| row.simulable).count(),
+        simulable: snapshot.criteria.iter().filter(|row| row.simulable).count(),
         refused,
-        simulator_calls: sampling + optimising + enriching + verifying,
-        stages,
-        facts: facts::facts(sources),
+        simulator_calls: sampling + optimising + enriching + verifying as u64,
+        stages: snapshot.costs.clone(),
+        facts: facts::facts(snapshot),
     }
 }
 
-/// What the report calls a variable: by its symbol for gears, by its name for other problems.
-fn called(sources: &Sources, name: &str) -> String {
-    match sources.problem.gears() {
-        Some(_) => report::symbol(name),
-        None => name.to_owned(),
-    }
-}
-
-fn limits(campaign: &Campaign) -> Limits {
-    campaign.gears().map_or_else(Limits::default, |sections| {
-        let (limits, material) = (&sections.constraints, &sections.material);
-        Limits {
-            contact_ratio_min: limits.contact_ratio_min,
-            specific_slip_max: limits.specific_sliding_max,
-            von_mises_max_mpa: limits.root_stress_max(material),
-            pressure_max_mpa: limits.hertz_pressure_max(material),
-        }
-    })
-}
-
-fn doe(sources: &Sources) -> Vec<DoePoint> {
-    let percentiles: BTreeMap<u64, f64> = sources
+fn doe(snapshot: &Snapshot) -> Vec<DoePoint> {
+    let percentiles: BTreeMap<u64, f64> = snapshot
         .responses
         .iter()
         .map(|row| (row.design, row.percentile))
         .collect();
-    sources
+    snapshot
         .criteria
         .iter()
         .filter(|row| row.simulable)
         .map(|row| {
             let responses = row.responses.as_deref().unwrap_or_default();
-            let named = |name| sources.problem.response(responses, name);
+            let named = |name| snapshot.problem.response(responses, name);
             DoePoint {
                 delta_ste_um: named("delta_ste_um").unwrap_or(f64::NAN),
                 delta_ste_archard_um: named("delta_ste_archard_um").unwrap_or(f64::NAN),
@@ -254,28 +207,24 @@ fn doe(sources: &Sources) -> Vec<DoePoint> {
 }
 
 /// Figure 2 shows Archard's design, or else the first one there is.
-fn wear(sources: &Sources) -> Option<WearProfiles> {
+fn wear(snapshot: &Snapshot) -> Option<WearProfiles> {
     // The profiles are the built-in model's.
-    if sources.problem.campaign().is_external() {
+    if snapshot.problem.campaign().is_external() {
         return None;
     }
-    let (name, variables) =
-        [Approach::Baseline, Approach::Nominal]
-            .iter()
-            .find_map(|approach| {
-                let row = sources
-                    .optima
-                    .iter()
-                    .find(|row| row.approach == approach.name())?;
-                let name = optima::report_approach(*approach).label();
-                Some((name, optimum_design(&sources.problem, row)?))
-            })?;
-    let gears = sources.problem.gears()?;
-    let pair = gears.pair(&variables).ok()?;
+    let (name, design) = [Approach::Baseline, Approach::Nominal]
+        .iter()
+        .find_map(|approach| {
+            let optimum = &snapshot.optima.of(*approach)?.optimum;
+            let found = optimum.found.as_ref().ok()?;
+            Some((approach_name(&snapshot.problem, *approach), &found.design))
+        })?;
+    let gears = snapshot.problem.gears()?;
+    let pair = gears.pair(design).ok()?;
     let wear = gears.wear();
     let mut sampler = gears.sampler(&pair);
-    let seed = sources.campaign.seed;
-    let profiles: Vec<gear::WearProfile> = (0..WEAR_PROFILES)
+    let seed = snapshot.campaign.seed;
+    let profiles: Vec<WearProfile> = (0..WEAR_PROFILES)
         .map(|index| sampler.draw_profile(&mut stream(seed, Purpose::Test, 2, index)))
         .collect();
     let micrometres = |depths: &[f64]| depths.iter().map(|depth| depth * 1e3).collect::<Vec<_>>();

@@ -3,21 +3,20 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::Campaign;
-use campaign::file::Sampling;
+use campaign::formulation::Problem;
 use ledger::{Kind, StreamId};
 use serde::{Deserialize, Serialize};
-use stages::fitting::ModelSummary;
 use stages::names;
-use stages::optima::{self, NoOptimum};
+use stages::optima::NoOptimum;
 use stages::stage::Stage;
-use stages::verification::Verification;
-use store::{ModelRow, SampleTally, Store};
+use stats::OrderStatistic;
+use store::{SampleTally, Store};
 
 use crate::costs::{self, Times};
 use crate::doubts;
-use crate::live::{Left, Live, Running};
-use crate::ranking::{is_ranked, rank};
+use crate::optima::{Optima, VerifiedOptimum};
+use crate::running::{Left, Live, Running};
+use crate::snapshot;
 
 /// What `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -188,30 +187,16 @@ pub struct Optimum {
     pub verified: Progress,
     /// The percentile of the verification samples, once all are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub percentile: Option<VerifiedPercentile>,
+    pub percentile: Option<Estimate>,
     /// How much worse it is than the best optimum; absent for that one, and for an approach that moves other
     /// variables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub behind: Option<Behind>,
+    pub behind: Option<Estimate>,
 }
 
-/// How much worse the percentile of an optimum is than that of the best one, with the 95 % interval of the
-/// difference, in the status's unit. An interval that contains zero does not tell the two apart.
+/// A percentile or a difference of two, with its 95 % confidence interval, in the status's unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Behind {
-    /// The estimate.
-    pub value: f64,
-    /// Lower end of the interval.
-    pub low: f64,
-    /// Upper end of the interval.
-    pub high: f64,
-}
-
-/// A verified percentile with its 95 % confidence interval, in the status's unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct VerifiedPercentile {
-    /// What it is called: P90.
-    pub name: String,
+pub struct Estimate {
     /// The estimate.
     pub value: f64,
     /// Lower end of the interval; absent if the samples are too few for one.
@@ -222,6 +207,39 @@ pub struct VerifiedPercentile {
     pub high: Option<f64>,
 }
 
+impl From<OrderStatistic> for Estimate {
+    fn from(estimate: OrderStatistic) -> Self {
+        let (low, high) = estimate.interval.unzip();
+        Self {
+            value: estimate.value,
+            low,
+            high,
+        }
+    }
+}
+
+impl Optimum {
+    fn of(problem: &Problem, verified: &VerifiedOptimum) -> Self {
+        let optimum = &verified.optimum;
+        let (done, wanted) = match (&verified.verification, optimum.feasible()) {
+            (Some(verification), Some(_)) => (verification.samples.len(), verification.wanted),
+            _ => (0, 0),
+        };
+        Self {
+            approach: problem.approach_name(optimum.approach).to_owned(),
+            criterion: optimum.feasible().map(|found| found.criterion),
+            none: optimum.found.as_ref().err().copied(),
+            note: optimum.note.clone(),
+            verified: Progress {
+                done: done as u64,
+                wanted: wanted as u64,
+            },
+            percentile: verified.percentile.map(Estimate::from),
+            behind: verified.behind.map(Estimate::from),
+        }
+    }
+}
+
 /// Reads the status of the campaign in `store`.
 ///
 /// # Errors
@@ -230,52 +248,12 @@ pub struct VerifiedPercentile {
 pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let store = &store.snapshot().await?;
     let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let problem = snapshot::problem(store).await?;
+    let campaign = problem.campaign();
     let progress = store.progress().await?;
-    let problem = campaign::formulation::Problem::new(campaign.clone());
     let tallies = store.sample_tallies().await?;
-    let mut optima = Vec::new();
-    let mut designs = Vec::new();
-    for row in optima::stored(store).await? {
-        let approach = optima::approach_of(&row.approach);
-        let verification = match optima::point_of(&row).filter(|_| row.feasible) {
-            Some(point) => Some(Verification::read(store, &campaign, point).await?),
-            None => None,
-        };
-        optima.push(Optimum {
-            criterion: row.feasible.then_some(row.criterion),
-            none: optima::no_optimum(&problem, &row),
-            note: row.note.clone(),
-            verified: Progress {
-                done: verification.as_ref().map_or(0, |v| v.samples.len() as u64),
-                wanted: verification.as_ref().map_or(0, |v| v.wanted as u64),
-            },
-            percentile: verification
-                .as_ref()
-                .filter(|verification| verification.is_complete())
-                .and_then(|verification| verified(&campaign.sampling, &verification.samples)),
-            behind: None,
-            approach: approach.map_or_else(
-                || row.approach.clone(),
-                |approach| problem.approach_name(approach).to_owned(),
-            ),
-        });
-        if let Some(verification) = verification.filter(Verification::is_complete)
-            && approach.is_some_and(|approach| is_ranked(&problem, approach))
-        {
-            designs.push((optima.len() - 1, verification.samples));
-        }
-    }
-    for ranked in rank(&problem, designs) {
-        optima[ranked.design].behind = ranked.behind.and_then(|behind| {
-            let (low, high) = behind.interval?;
-            Some(Behind {
-                value: behind.value,
-                low,
-                high,
-            })
-        });
-    }
+    let found = Optima::read(store, &problem).await?;
+    let optima: Vec<Optimum> = found.iter().map(|one| Optimum::of(&problem, one)).collect();
     let wanted = u64::from(campaign.doe.designs);
     let per_design = u64::from(campaign.sampling.samples_per_design);
     // How many samples a precision takes is known only at the end.
@@ -288,10 +266,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         .iter()
         .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
     // Later stages speak for earlier ones: designs that were quarantined stay without samples.
-    let chosen = |approach: campaign::Approach| {
-        let name = problem.approach_name(approach);
-        optima.iter().any(|optimum| optimum.approach == name)
-    };
+    let chosen = |approach| found.of(approach).is_some();
     let all_chosen = problem.approaches().all(chosen);
     let enrichment = enrichment(store, &tallies).await?;
     let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
@@ -361,53 +336,32 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     };
     let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());
     status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
-    time(store, &mut status, campaign.enrichment.is_some()).await?;
+    time(store, &mut status, &problem).await?;
     Ok(status)
 }
 
 /// Says what the stages took. The CPU times of all units are read of finished campaigns only, whose status
 /// is not asked for every second.
-async fn time(store: &Store, status: &mut Status, enriches: bool) -> anyhow::Result<()> {
+async fn time(store: &Store, status: &mut Status, problem: &Problem) -> anyhow::Result<()> {
+    if status.finished {
+        let costs = Times::read(store, problem).await?.stages();
+        let known = |seconds: f64| Some(seconds).filter(|seconds| seconds.is_finite());
+        for (stage, cost) in status.stages.iter_mut().zip(costs) {
+            stage.wall_seconds = known(cost.wall_seconds);
+            stage.cpu_seconds = known(cost.cpu_seconds);
+        }
+        return Ok(());
+    }
     let stages = store.stage_times().await?;
     for stage in &mut status.stages {
         stage.wall_seconds = costs::wall_seconds(&stages, stage.name);
     }
-    if !status.finished {
-        return Ok(());
-    }
-    let model = store.model(ModelRow::DOE).await?;
-    let summary = model.map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
-    let rounds = store.rounds().await?;
-    let infill = store.infill().await?;
-    let times = Times {
-        jobs: store.job_times().await?,
-        stages,
-        fit: summary.transpose()?.map_or(0.0, |fit| fit.cpu_seconds),
-        enrichment: enriches.then(|| {
-            let deciding = rounds.iter().map(|round| round.cpu_seconds).sum();
-            (deciding, infill.iter().map(|row| row.number).collect())
-        }),
-    };
-    for (stage, cost) in status.stages.iter_mut().zip(times.stages()) {
-        stage.cpu_seconds = Some(cost.cpu_seconds).filter(|seconds| seconds.is_finite());
-    }
     Ok(())
-}
-
-/// The percentile of an approach's verification samples; none that is not a number.
-fn verified(sampling: &Sampling, samples: &[f64]) -> Option<VerifiedPercentile> {
-    let verified = sampling.verified(samples).ok()?;
-    Some(VerifiedPercentile {
-        name: sampling.percentile_name(),
-        value: verified.value,
-        low: verified.interval.map(|(low, _)| low),
-        high: verified.interval.map(|(_, high)| high),
-    })
 }
 
 async fn unfinished_runs(
     store: &Store,
-    problem: &campaign::formulation::Problem,
+    problem: &Problem,
 ) -> Result<Vec<UnfinishedRun>, store::Error> {
     let wanted = u64::from(problem.campaign().optimise.evaluations);
     let finished: BTreeSet<StreamId> = store

@@ -1,6 +1,6 @@
 //! The results of the table: as a page, as CSV, as JSON, and as lines of text.
 
-use report::{AtlasEntry, AtlasMethod, AtlasPage, Chart};
+use results::report::{AtlasEntry, AtlasMethod, AtlasPage, Chart};
 use serde_json::{Value, json};
 
 use crate::{Entry, Method, Outcome, entries};
@@ -38,8 +38,8 @@ impl Atlas {
     /// # Errors
     ///
     /// The template fails.
-    pub fn page(&self, program_version: &str) -> Result<String, report::Error> {
-        report::render_atlas(&AtlasPage {
+    pub fn page(&self, program_version: &str) -> Result<String, results::report::Error> {
+        results::report::render_atlas(&AtlasPage {
             program_version: program_version.to_owned(),
             methods: Method::ALL.map(|method| self.method(method)).into(),
         })

@@ -2,7 +2,7 @@
 
 use std::fmt::{Debug, Display};
 
-use report::{Axis, Chart, Mark, NamedValue, Scale, Series};
+use results::report::{Axis, Chart, Mark, NamedValue, Scale, Series};
 
 /// Why an entry could not run to its end.
 pub(crate) type Failed = Box<dyn std::error::Error>;

@@ -1,14 +1,14 @@
-//! The design that an approach ends with, as a row of the store.
+//! The choice of the design that an approach ends with.
 
 use campaign::formulation::Problem;
 use campaign::optimise::{Found, RunResult};
 use campaign::simulator::State;
 use campaign::{Approach, Criteria, Design};
-use store::{CriteriaRow, DesignRow, OptimiserRunRow, OptimumRow, ResponseRow};
+use store::{CriteriaRow, DesignRow, OptimiserRunRow, ResponseRow};
 
 use crate::cost::Cost;
 use crate::names;
-use crate::optima::{NoOptimum, design_to_json};
+use crate::optima::{NoOptimum, Optimum};
 
 /// Chooses the best design that the runs of an approach found.
 ///
@@ -22,7 +22,7 @@ pub fn choose_run(
     approach: Approach,
     rows: &[OptimiserRunRow],
     extra: Cost,
-) -> anyhow::Result<OptimumRow> {
+) -> anyhow::Result<Optimum> {
     let rows: Vec<_> = rows
         .iter()
         .filter(|row| names::approach_and_start(row.stream).is_some_and(|(of, _)| of == approach))
@@ -45,7 +45,12 @@ pub fn choose_run(
         .min_by(better);
     let note = continuation_note(problem, &runs);
     if let Some(found) = best {
-        return optimum(problem, approach, Ok(found), cost, note);
+        return Ok(Optimum {
+            approach,
+            found: Ok(found.clone()),
+            cost,
+            note,
+        });
     }
     let printed = runs
         .iter()
@@ -69,14 +74,16 @@ pub fn choose_run(
             "No run found a design that can be simulated.".to_owned(),
         ),
     };
-    optimum(problem, approach, Err(none), cost, note)
+    Ok(Optimum {
+        approach,
+        found: Err(none),
+        cost,
+        note,
+    })
 }
 
 /// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
-///
-/// # Errors
-///
-/// The row cannot be written.
+#[must_use]
 pub fn choose_of_doe(
     problem: &Problem,
     base: &Design,
@@ -84,7 +91,7 @@ pub fn choose_of_doe(
     criteria: &[CriteriaRow],
     responses: &[ResponseRow],
     cost: Cost,
-) -> anyhow::Result<OptimumRow> {
+) -> Optimum {
     let mut best: Option<Found> = None;
     for response in responses.iter().filter(|row| row.percentile.is_finite()) {
         let better = best
@@ -105,7 +112,7 @@ pub fn choose_of_doe(
     // Without a response, either no design gets samples or all that get some were quarantined.
     let gets_samples = |row: &CriteriaRow| row.simulable && row.reason.is_none();
     let is_missing = criteria.len() < designs.len() || criteria.iter().any(gets_samples);
-    let (found, note) = match &best {
+    let (found, note) = match best {
         Some(found) => (Ok(found), ""),
         None if responses.is_empty() && is_missing => (
             Err(NoOptimum::NothingComputed),
@@ -120,7 +127,12 @@ pub fn choose_of_doe(
             "No design of the DoE can be simulated.",
         ),
     };
-    optimum(problem, Approach::BestOfDoe, found, cost, note.to_owned())
+    Optimum {
+        approach: Approach::BestOfDoe,
+        found,
+        cost,
+        note: note.to_owned(),
+    }
 }
 
 /// A design of the DoE with its criteria, the worn pressure among them, if it satisfies every constraint.
@@ -140,43 +152,15 @@ pub fn feasible(
         .then_some((design, analysis.criteria))
 }
 
-/// The row of an approach for which there is no model, with the reason.
-///
-/// # Errors
-///
-/// The row cannot be written.
-pub fn without_model(
-    problem: &Problem,
-    approach: Approach,
-    reason: String,
-) -> anyhow::Result<OptimumRow> {
-    let none = Err(NoOptimum::NoModel);
-    optimum(problem, approach, none, Cost::default(), reason)
-}
-
-/// The row of the design that an approach found, or of why it found none.
-///
-/// # Errors
-///
-/// The row cannot be written.
-pub fn optimum(
-    problem: &Problem,
-    approach: Approach,
-    found: Result<&Found, NoOptimum>,
-    cost: Cost,
-    note: String,
-) -> anyhow::Result<OptimumRow> {
-    Ok(OptimumRow {
-        approach: approach.name().to_owned(),
-        x_json: design_to_json(problem, found.map(|found| &found.design)),
-        // The paper gives designs that cannot be simulated the value 100; here there is no design.
-        criterion: found.map_or(0.0, |found| found.criterion),
-        feasible: found.is_ok_and(|found| found.feasible),
-        criteria_json: serde_json::to_string(&found.ok().map(|found| &found.criteria))?,
-        simulator_calls: cost.simulator_calls,
-        cpu_seconds: cost.cpu_seconds,
-        note,
-    })
+/// The outcome of an approach for which there is no model, with the reason.
+#[must_use]
+pub fn without_model(approach: Approach, reason: String) -> Optimum {
+    Optimum {
+        approach,
+        found: Err(NoOptimum::NoModel),
+        cost: Cost::default(),
+        note: reason,
+    }
 }
 
 /// A note on the designs at which the runs would have ended with the printed penalty weight alone.

@@ -1,14 +1,105 @@
-//! The chosen optima as the store keeps them.
+//! The optima that the approaches ended with, as the store keeps them.
 
-use campaign::Approach;
+use anyhow::Context as _;
 use campaign::formulation::{Design, Problem, Quantity};
-use ledger::StreamId;
+use campaign::optimise::Found;
+use campaign::{Approach, Criteria};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 use store::{OptimumRow, Store};
 
+use crate::cost::Cost;
+use crate::plan;
 use crate::state::State;
-use crate::{names, plan};
+
+/// What an approach ended with: a design, or the reason why there is none.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimum {
+    /// The approach.
+    pub approach: Approach,
+    /// The design.
+    pub found: Result<Found, NoOptimum>,
+    /// The cost of the search and of what it rests on.
+    pub cost: Cost,
+    /// A remark; without a model, the reason.
+    pub note: String,
+}
+
+impl Optimum {
+    /// The row of the store.
+    ///
+    /// # Errors
+    ///
+    /// The criteria cannot be written.
+    pub fn row(&self, problem: &Problem) -> serde_json::Result<OptimumRow> {
+        let found = self.found.as_ref();
+        Ok(OptimumRow {
+            approach: self.approach.name().to_owned(),
+            x_json: design_to_json(
+                problem,
+                found.map(|found| &found.design).map_err(|none| *none),
+            ),
+            // The paper gives designs that cannot be simulated the value 100; here there is no design.
+            criterion: found.map_or(0.0, |found| found.criterion),
+            feasible: found.is_ok_and(|found| found.feasible),
+            criteria_json: serde_json::to_string(&found.ok().map(|found| &found.criteria))?,
+            simulator_calls: self.cost.simulator_calls,
+            cpu_seconds: self.cost.cpu_seconds,
+            note: self.note.clone(),
+        })
+    }
+
+    /// Reads what [`row`](Self::row) wrote.
+    ///
+    /// # Errors
+    ///
+    /// The row is not of this problem, or not what this version writes.
+    pub fn read(problem: &Problem, row: OptimumRow) -> anyhow::Result<Self> {
+        let of = || format!("the stored optimum of {:?}", row.approach);
+        let approach = approach_of(&row.approach).with_context(of)?;
+        let criteria: Option<Criteria> =
+            serde_json::from_str(&row.criteria_json).with_context(of)?;
+        Ok(Self {
+            approach,
+            found: match (
+                design_from_json(problem, &row.x_json).with_context(of)?,
+                criteria,
+            ) {
+                (Ok(design), Some(criteria)) => Ok(Found {
+                    design,
+                    criterion: row.criterion,
+                    criteria,
+                    feasible: row.feasible,
+                }),
+                (Ok(_), None) => anyhow::bail!("{} has no criteria", of()),
+                (Err(none), _) => Err(none),
+            },
+            cost: Cost {
+                simulator_calls: row.simulator_calls,
+                cpu_seconds: row.cpu_seconds,
+            },
+            note: row.note,
+        })
+    }
+
+    /// The design, if it keeps all constraints.
+    #[must_use]
+    pub fn feasible(&self) -> Option<&Found> {
+        self.found.as_ref().ok().filter(|found| found.feasible)
+    }
+
+    /// The design or, for people, why there is none.
+    ///
+    /// # Errors
+    ///
+    /// A sentence: there is none.
+    pub fn found_or_sentence(&self) -> Result<&Found, String> {
+        self.found.as_ref().map_err(|none| match none {
+            NoOptimum::NoModel => format!("There is no kriging model: {}.", self.note),
+            _ => self.note.clone(),
+        })
+    }
+}
 
 /// The approach of that name.
 #[must_use]
@@ -43,50 +134,8 @@ impl std::fmt::Display for NoOptimum {
     }
 }
 
-/// The stream of an optimum's verification samples.
-#[must_use]
-pub fn point_of(row: &OptimumRow) -> Option<StreamId> {
-    approach_of(&row.approach).map(names::verification)
-}
-
-/// The values of an optimum's verification samples.
-///
-/// # Errors
-///
-/// The store cannot be read.
-pub async fn verification_samples(
-    store: &Store,
-    row: &OptimumRow,
-) -> Result<Vec<f64>, store::Error> {
-    match point_of(row) {
-        Some(point) => store.values_of(point).await,
-        None => Ok(Vec::new()),
-    }
-}
-
-/// Why an approach has no optimum; `None` if it has one.
-#[must_use]
-pub fn no_optimum(problem: &Problem, row: &OptimumRow) -> Option<NoOptimum> {
-    if optimum_design(problem, row).is_some() {
-        return None;
-    }
-    let read: Option<Map<String, Value>> = serde_json::from_str(&row.x_json).ok();
-    let none = read.and_then(|mut read| serde_json::from_value(read.remove("none")?).ok());
-    Some(none.unwrap_or(NoOptimum::NoneFeasible))
-}
-
-/// Why an approach has no optimum, as a sentence for the report.
-#[must_use]
-pub fn sentence(problem: &Problem, row: &OptimumRow) -> String {
-    match no_optimum(problem, row) {
-        Some(NoOptimum::NoModel) => format!("There is no kriging model: {}.", row.note),
-        _ => row.note.clone(),
-    }
-}
-
 /// All variables by name, as the store keeps them, or why there is no design.
-#[must_use]
-pub fn design_to_json(problem: &Problem, design: Result<&Design, NoOptimum>) -> String {
+fn design_to_json(problem: &Problem, design: Result<&Design, NoOptimum>) -> String {
     let design = match design {
         Ok(design) => design,
         Err(none) => return json!({ "none": none }).to_string(),
@@ -99,22 +148,36 @@ pub fn design_to_json(problem: &Problem, design: Result<&Design, NoOptimum>) -> 
 }
 
 /// Reads what [`design_to_json`] wrote.
-#[must_use]
-pub fn design_from_json(problem: &Problem, json: &str) -> Option<Design> {
-    let object: Map<String, Value> = serde_json::from_str(json).ok()?;
-    let value = |variable: &Quantity| object.get(&*variable.name)?.as_f64();
-    let values: Option<Vec<f64>> = problem.variables().iter().map(value).collect();
-    values.map(Design::new)
+fn design_from_json(problem: &Problem, json: &str) -> anyhow::Result<Result<Design, NoOptimum>> {
+    let mut object: Map<String, Value> = serde_json::from_str(json)?;
+    if let Some(none) = object.remove("none") {
+        return Ok(Err(serde_json::from_value(none)?));
+    }
+    let value = |variable: &Quantity| {
+        let value = object.get(&*variable.name).and_then(Value::as_f64);
+        value.with_context(|| format!("it has no value of {}", variable.name))
+    };
+    let values: anyhow::Result<Vec<f64>> = problem.variables().iter().map(value).collect();
+    Ok(Ok(Design::new(values?)))
 }
 
 /// The values of the variables that the DoE does not move, once they are known, from the chosen
 /// optima.
 #[must_use]
-pub fn base(problem: &Problem, rows: &[OptimumRow]) -> Option<Design> {
-    let known =
-        |row: &OptimumRow| Some((approach_of(&row.approach)?, optimum_design(problem, row)));
+pub fn base<'a>(
+    problem: &Problem,
+    optima: impl IntoIterator<Item = &'a Optimum>,
+) -> Option<Design> {
+    let known = |optimum: &Optimum| {
+        let design = optimum
+            .found
+            .as_ref()
+            .ok()
+            .map(|found| found.design.clone());
+        (optimum.approach, design)
+    };
     let state = State {
-        optima: rows.iter().filter_map(known).collect(),
+        optima: optima.into_iter().map(known).collect(),
         ..State::default()
     };
     plan::base(problem, &state)
@@ -124,15 +187,12 @@ pub fn base(problem: &Problem, rows: &[OptimumRow]) -> Option<Design> {
 ///
 /// # Errors
 ///
-/// The store cannot be read.
-pub async fn stored(store: &Store) -> Result<Vec<OptimumRow>, store::Error> {
-    let mut rows = store.optima().await?;
-    rows.sort_by_key(|row| approach_of(&row.approach).map(Approach::number));
-    Ok(rows)
-}
-
-/// The design of an optimum's row; `None` when the approach found no feasible one.
-#[must_use]
-pub fn optimum_design(problem: &Problem, row: &OptimumRow) -> Option<Design> {
-    design_from_json(problem, &row.x_json)
+/// The store cannot be read, or its optima are not of this problem.
+pub async fn stored(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Optimum>> {
+    let rows = store.optima().await?.into_iter();
+    let mut optima: Vec<Optimum> = rows
+        .map(|row| Optimum::read(problem, row))
+        .collect::<anyhow::Result<_>>()?;
+    optima.sort_by_key(|optimum| optimum.approach.number());
+    Ok(optima)
 }

@@ -6,11 +6,10 @@ use campaign::optimise::Found;
 use campaign::simulator::{Simulator as _, State};
 use campaign::{Approach, Criteria, Design};
 use enrich::{Recommendation, Stop};
-use store::{OptimumRow, RoundRow};
+use store::RoundRow;
 
-use crate::choosing::optimum;
 use crate::cost::Cost;
-use crate::optima::NoOptimum;
+use crate::optima::{NoOptimum, Optimum};
 
 /// A round as the store keeps it, read.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +39,7 @@ impl Round {
     }
 }
 
-/// The row of the design that the last round recommends; `told` are its criteria if only an
+/// The design that the last round recommends; `told` are its criteria if only an
 /// external program knows them.
 ///
 /// # Errors
@@ -52,7 +51,7 @@ pub fn recommended(
     last: &Round,
     told: Option<Criteria>,
     cost: Cost,
-) -> anyhow::Result<OptimumRow> {
+) -> anyhow::Result<Optimum> {
     let approach = Approach::EnrichedKriging;
     let Some(best) = &last.recommendation else {
         let note = last.stop.as_ref().map_or_else(String::new, Stop::to_string);
@@ -61,7 +60,12 @@ pub fn recommended(
             Some(Stop::OnlyFailures) => NoOptimum::NothingComputed,
             _ => NoOptimum::NoModel,
         };
-        return optimum(problem, approach, Err(none), cost, note);
+        return Ok(Optimum {
+            approach,
+            found: Err(none),
+            cost,
+            note,
+        });
     };
     anyhow::ensure!(
         best.x.len() == problem.dimension(),
@@ -79,5 +83,10 @@ pub fn recommended(
         feasible: problem.is_feasible(&criteria),
         criteria,
     };
-    optimum(problem, approach, Ok(&found), cost, String::new())
+    Ok(Optimum {
+        approach,
+        found: Ok(found),
+        cost,
+        note: String::new(),
+    })
 }

@@ -10,11 +10,10 @@ use store::{InfillRow, ModelRow, SampleTally, Store};
 
 use crate::constraints;
 use crate::fitting::ModelSummary;
-use crate::optima::{approach_of, optimum_design};
 use crate::responses::{self, Sampled};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 use crate::verification::Sizes;
-use crate::{names, plan};
+use crate::{names, optima, plan};
 
 /// Reads the state of the campaign, without the quarantined streams. `more` has the designs that need more
 /// samples than others, `sizes` what was read of verification samples before.
@@ -24,7 +23,7 @@ use crate::{names, plan};
 ///
 /// # Errors
 ///
-/// The store cannot be read.
+/// The store cannot be read, or holds what this version does not write.
 pub async fn load(
     store: &Store,
     problem: &Problem,
@@ -32,7 +31,7 @@ pub async fn load(
     references: &[VerifyPoint],
     more: &BTreeMap<u64, u64>,
     sizes: &mut Sizes,
-) -> Result<State, store::Error> {
+) -> anyhow::Result<State> {
     let store = &store.snapshot().await?;
     let campaign = problem.campaign();
     let wanted = u64::from(campaign.sampling.samples_per_design);
@@ -71,11 +70,9 @@ pub async fn load(
     let tallies = store.sample_tallies().await?;
     let count = |point: StreamId| tallies.get(&point).map_or(0, |tally| tally.samples);
     let generations = store.generations().await?;
-    for optimum in store.optima().await? {
-        let Some(approach) = approach_of(&optimum.approach) else {
-            continue;
-        };
-        let design = optimum_design(problem, &optimum);
+    for optimum in optima::stored(store, problem).await? {
+        let approach = optimum.approach;
+        let design = optimum.found.ok().map(|found| found.design);
         let point = names::verification(approach);
         let count = count(point);
         let generation = generations.get(&point);

@@ -9,13 +9,16 @@ use campaign::formulation::gears::ALL_VARIABLES;
 use campaign::optimise::Found;
 use campaign::{Campaign, Design, PairFile};
 use rayon::prelude::*;
-use report::Percentile;
-use results::percentile::percentile;
+use results::row;
+use results::table::{Cell, Column, Table};
+use stats::OrderStatistic;
 
 use crate::direct::{self, Search, Start};
 use crate::refusal::require_built_in;
 use crate::samples;
-use crate::table::{Document, NOTHING, Table, exact, maybe_exact, with_interval, write};
+use crate::table::{
+    CRITERIA, Document, NOTHING, PageTable, criteria_cells, percentile_cells, with_interval, write,
+};
 
 /// A set of profile corrections that a search may use.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,7 +41,7 @@ pub struct Row {
     /// Number of analyses with random wear.
     pub worn_calls: u64,
     /// The best feasible design and its P90 from verification samples, if a search met one.
-    pub best: Option<(Found, Percentile)>,
+    pub best: Option<(Found, OrderStatistic)>,
 }
 
 /// The sets that a campaign asks to compare: flanks as they are, then with corrections.
@@ -129,7 +132,7 @@ pub fn run(
     let best = match best {
         Some(best) => {
             let verified = samples::verification(&problem, &best.design)?;
-            Some((best.clone(), percentile(&campaign.sampling, &verified)))
+            Some((best.clone(), campaign.sampling.verified(&verified)?))
         }
         None => None,
     };
@@ -185,9 +188,9 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     })
 }
 
-fn summary(sampling: &Sampling, rows: &[Row]) -> Table {
+fn summary(sampling: &Sampling, rows: &[Row]) -> PageTable {
     let percentile = sampling.percentile_name();
-    let mut table = Table::new([
+    let mut table = PageTable::new([
         "corrections",
         &format!("{percentile}, µm"),
         &format!("{percentile} in the search, µm"),
@@ -234,45 +237,32 @@ fn summary(sampling: &Sampling, rows: &[Row]) -> Table {
 }
 
 fn all_figures(campaign: &Campaign, rows: &[Row]) -> Table {
-    let columns = campaign.sampling.percentile_columns();
-    let searched = columns[0].replace("_um", "_searched_um");
+    let percentile = campaign.sampling.percentile_columns();
+    let searched = percentile[0].replace("_um", "_searched_um");
     let problem = Problem::new(campaign.clone()).with_corrections(&CorrectionsSection::default());
     let variables = problem.variables();
-    let mut header = vec!["corrections"];
-    header.extend(variables.iter().map(|variable| &*variable.name));
-    header.extend(columns.iter().chain([&searched]).map(String::as_str));
-    header.extend([
-        "contact_ratio",
-        "specific_sliding",
-        "hertz_pressure_mpa",
-        "root_stress_mpa",
-        "evaluations",
-        "plain_calls",
-        "worn_calls",
-    ]);
-    let mut table = Table::new(header);
+    let mut columns = vec![Column::text("corrections")];
+    columns.extend(
+        variables
+            .iter()
+            .map(|variable| Column::number(&*variable.name)),
+    );
+    columns.extend(percentile.into_iter().chain([searched]).map(Column::number));
+    columns.extend(CRITERIA.map(Column::number));
+    columns.extend(["evaluations", "plain_calls", "worn_calls"].map(Column::whole));
+    let mut table = Table::new(columns);
     for row in rows {
-        let (found, p90) = row.best.as_ref().map(|(found, p90)| (found, p90)).unzip();
-        let mut line = vec![row.space.name.to_owned()];
+        let (found, p90) = row.best.as_ref().map(|(found, p90)| (found, *p90)).unzip();
+        let mut line = row![row.space.name];
         match found {
-            Some(found) => line.extend(found.design.values().iter().copied().map(exact)),
-            None => line.extend(variables.iter().map(|_| String::new())),
+            Some(found) => line.extend(found.design.values().iter().copied().map(Cell::from)),
+            None => line.extend(variables.iter().map(|_| Cell::Missing)),
         }
+        line.extend(percentile_cells(p90));
+        line.push(found.map(|found| found.criterion).into());
         let criteria = found.map(|found| found.criteria.gears());
-        line.extend(
-            [
-                p90.map(|p90| p90.value),
-                p90.map(|p90| p90.low),
-                p90.map(|p90| p90.high),
-                found.map(|found| found.criterion),
-                criteria.map(|criteria| criteria.contact_ratio),
-                criteria.map(|criteria| criteria.specific_sliding),
-                criteria.map(|criteria| criteria.hertz_pressure_mpa),
-                criteria.map(|criteria| criteria.root_stress_mpa),
-            ]
-            .map(maybe_exact),
-        );
-        line.extend([row.evaluations, row.plain_calls, row.worn_calls].map(|n| n.to_string()));
+        line.extend(criteria_cells(criteria.as_ref()));
+        line.extend([row.evaluations, row.plain_calls, row.worn_calls].map(Cell::from));
         table.rows.push(line);
     }
     table
@@ -331,8 +321,9 @@ mod tests {
         }
         for (found, p90) in [bare, corrected] {
             assert!(problem.is_feasible(&found.criteria));
-            assert_eq!(p90.samples, 60);
-            assert!(p90.low < p90.value && p90.value < p90.high);
+            assert_eq!(p90.n, 60);
+            let (low, high) = p90.interval.unwrap();
+            assert!(low < p90.value && p90.value < high);
         }
         let rows = [without.clone(), with.clone()];
         let folder = tempfile::tempdir().unwrap();

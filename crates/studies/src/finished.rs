@@ -1,12 +1,13 @@
 //! Reading a campaign that is finished.
 
+use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::optimise::{self, RunResult};
 use campaign::task::Run;
-use campaign::{Approach, Campaign, Criteria, Design, GearCriteria, GearVariables};
+use campaign::{Approach, Campaign, Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
+use results::optima::{Optima, VerifiedOptimum};
 use results::status;
-use stages::optima::{self, approach_of, optimum_design};
 use stages::plan;
 use stages::state::State;
 use store::Store;
@@ -55,31 +56,51 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     Ok(Problem::new(campaign.clone()))
 }
 
+impl Optimum {
+    /// The optimum of an approach; `None` if it is not feasible.
+    fn of(verified: &VerifiedOptimum) -> Option<Self> {
+        let found = verified.optimum.feasible()?;
+        Some(Self {
+            approach: verified.optimum.approach,
+            variables: found.design.gears(),
+            criteria: found.criteria.gears(),
+            verified: verified.samples().to_vec(),
+        })
+    }
+}
+
 /// The feasible optima, in the order of the approaches.
 ///
 /// # Errors
 ///
 /// The store cannot be read.
 pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Optimum>> {
-    let mut optima = Vec::new();
-    for row in optima::stored(store).await? {
-        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
-        let (Some(approach), Some(design), Some(criteria), true) = (
-            approach_of(&row.approach),
-            optimum_design(problem, &row),
-            criteria,
-            row.feasible,
-        ) else {
-            continue;
-        };
-        optima.push(Optimum {
-            approach,
-            variables: design.gears(),
-            criteria: criteria.gears(),
-            verified: optima::verification_samples(store, &row).await?,
-        });
-    }
-    Ok(optima)
+    let optima = Optima::read(store, problem).await?;
+    Ok(optima.iter().filter_map(Optimum::of).collect())
+}
+
+/// The optimum of an approach, or the recommended one.
+///
+/// # Errors
+///
+/// The store cannot be read, or there is no such feasible optimum.
+pub async fn optimum(
+    store: &Store,
+    problem: &Problem,
+    approach: Option<Approach>,
+) -> anyhow::Result<Optimum> {
+    let optima = Optima::read(store, problem).await?;
+    let (optimum, none) = match approach {
+        Some(approach) => (
+            optima.of(approach),
+            format!("approach {} found no feasible design", approach.name()),
+        ),
+        None => (
+            optima.recommended(),
+            "no approach found a feasible design".to_owned(),
+        ),
+    };
+    optimum.and_then(Optimum::of).context(none)
 }
 
 /// The five variables that all designs of the campaign's DoE share.

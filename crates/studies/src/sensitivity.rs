@@ -12,21 +12,20 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::{Gears, VARIABLE_NAMES};
 use campaign::optimise::COMMON;
 use campaign::task::VERIFICATION;
-use campaign::{Approach, Campaign, Design};
+use campaign::{Campaign, Design};
 use rayon::prelude::*;
-use report::Percentile;
-use results::percentile::percentile;
+use results::row;
+use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
-use stats::{Index, Sensitivity, SensitivityPlan};
+use stats::{Index, OrderStatistic, Sensitivity, SensitivityPlan};
 
 use crate::finished::Optimum;
 use crate::samples::in_pieces;
-use crate::table::{Document, Table, exact, with_interval, write};
+use crate::table::{Document, PageTable, percentile_cells, with_interval, write};
 
 /// Names the wear profiles among which the field of a single sample is drawn.
 const FIELDS: u64 = (1 << 40) + 1;
@@ -63,7 +62,7 @@ pub struct Scenario {
     /// The factor by which it is changed.
     pub factor: f64,
     /// P90 from as many verification samples as the campaign verifies with.
-    pub p90: Percentile,
+    pub p90: OrderStatistic,
 }
 
 /// The indices of one output.
@@ -102,30 +101,6 @@ impl WearFactors {
     }
 }
 
-/// The optimum of least verified P90, or that of an approach.
-///
-/// # Errors
-///
-/// There is no such feasible optimum.
-pub fn choose<'a>(
-    sampling: &Sampling,
-    optima: &'a [Optimum],
-    approach: Option<Approach>,
-) -> anyhow::Result<&'a Optimum> {
-    let p90 = |optimum: &Optimum| percentile(sampling, &optimum.verified).value;
-    match approach {
-        Some(approach) => optima
-            .iter()
-            .find(|optimum| optimum.approach == approach)
-            .with_context(|| format!("approach {} found no feasible design", approach.name())),
-        None => optima
-            .iter()
-            .filter(|optimum| p90(optimum).is_finite())
-            .min_by(|a, b| p90(a).total_cmp(&p90(b)))
-            .context("no approach found a feasible design"),
-    }
-}
-
 /// P90 of the design as verified, and with the wear field's variance, range and depth halved and
 /// doubled. The random numbers are those of the verification.
 ///
@@ -155,7 +130,7 @@ pub fn scenarios(problem: &Problem, optimum: &Optimum) -> anyhow::Result<Vec<Sce
             Ok(Scenario {
                 parameter,
                 factor,
-                p90: percentile(&problem.campaign().sampling, &samples),
+                p90: problem.campaign().sampling.verified(&samples)?,
             })
         })
         .collect()
@@ -216,7 +191,9 @@ pub fn indices(
             COMMON,
             0..sampling.samples_per_design,
         )?;
-        Ok(percentile(sampling, &samples).value)
+        Ok(sampling
+            .verified(&samples)
+            .map_or(f64::NAN, |p90| p90.value))
     };
     let of_sample = |point: &[f64]| -> anyhow::Result<f64> {
         let Some((pair, wear)) = nominal.deviated(tolerances, point) else {
@@ -335,15 +312,16 @@ pub fn write_tables(
 ) -> anyhow::Result<Document> {
     let name = &campaign.name;
     let [value, low, high] = campaign.sampling.percentile_columns();
-    let mut table = Table::new(["parameter", "factor", &value, &low, &high]);
+    let mut columns = vec![Column::text("parameter"), Column::number("factor")];
+    columns.extend([value, low, high].map(Column::number));
+    let mut table = Table::new(columns);
     let percentile = campaign.sampling.percentile_name();
-    let mut shown = Table::new(["scenario", &format!("{percentile}, µm")]);
+    let mut shown = PageTable::new(["scenario", &format!("{percentile}, µm")]);
     for row in scenarios {
         let p90 = &row.p90;
-        let figures = [row.factor, p90.value, p90.low, p90.high].map(exact);
-        table
-            .rows
-            .push([vec![row.parameter.to_owned()], figures.to_vec()].concat());
+        let mut line = row![row.parameter, row.factor];
+        line.extend(percentile_cells(Some(*p90)));
+        table.rows.push(line);
         let label = if row.factor == 1.0 {
             row.parameter.to_owned()
         } else {
@@ -369,7 +347,7 @@ pub fn write_tables(
     );
     for one in indices {
         let found = &one.sensitivity;
-        let mut shown = Table::new(["input", "first-order index", "total index"]);
+        let mut shown = PageTable::new(["input", "first-order index", "total index"]);
         let index = |i: &Index| format!("{:.3} [{:.3}; {:.3}]", i.value, i.low, i.high);
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
             shown
@@ -398,22 +376,24 @@ pub fn write_tables(
 }
 
 fn index_figures(indices: &[Indices]) -> Table {
-    let mut table = Table::new([
-        "output",
-        "input",
+    let mut columns = ["output", "input"].map(Column::text).to_vec();
+    let figures = [
         "first",
         "first_low",
         "first_high",
         "total",
         "total_low",
         "total_high",
-    ]);
+    ];
+    columns.extend(figures.map(Column::number));
+    let mut table = Table::new(columns);
     for one in indices {
         let found = &one.sensitivity;
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
-            let figures = [first, total].map(|i| [i.value, i.low, i.high].map(exact));
-            let mut line = vec![one.output.clone(), (*input).to_owned()];
-            line.extend(figures.concat());
+            let mut line = row![one.output.as_str(), input.as_str()];
+            for index in [first, total] {
+                line.extend(row![index.value, index.low, index.high]);
+            }
             table.rows.push(line);
         }
     }
@@ -422,6 +402,8 @@ fn index_figures(indices: &[Indices]) -> Table {
 
 #[cfg(test)]
 mod tests {
+    use campaign::Approach;
+
     use super::*;
     use crate::samples;
 
@@ -450,7 +432,11 @@ mod tests {
         assert_eq!(rows.len(), 7);
         assert_eq!(
             rows[0].p90,
-            percentile(&problem.campaign().sampling, &optimum.verified)
+            problem
+                .campaign()
+                .sampling
+                .verified(&optimum.verified)
+                .unwrap()
         );
         let of = |parameter: &str, factor: f64| {
             let row = rows
@@ -520,7 +506,8 @@ mod tests {
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);
         let rows = scenarios(&problem, &optimum).unwrap();
-        let as_designed = percentile(&problem.campaign().sampling, &optimum.verified);
+        let sampling = &problem.campaign().sampling;
+        let as_designed = sampling.verified(&optimum.verified).unwrap();
         assert!(rows[0].p90.value > as_designed.value);
         let tolerances = Tolerances {
             modules: 0.01,
@@ -535,25 +522,5 @@ mod tests {
         };
         let with = total(&problem, "wear field and profile slopes");
         assert!(with > 1.2 * total(&perfect, "wear field"), "{with}");
-    }
-
-    #[test]
-    fn the_design_of_least_percentile_is_recommended_unless_another_is_asked_for() {
-        let (problem, first) = figure_9();
-        let sampling = &problem.campaign().sampling;
-        let second = Optimum {
-            approach: Approach::Kriging,
-            verified: first.verified.iter().map(|sample| 0.5 * sample).collect(),
-            ..first.clone()
-        };
-        let optima = [first, second];
-        assert_eq!(
-            choose(sampling, &optima, None).unwrap().approach,
-            Approach::Kriging
-        );
-        let asked = choose(sampling, &optima, Some(Approach::Baseline)).unwrap();
-        assert_eq!(asked.approach, Approach::Baseline);
-        assert!(choose(sampling, &optima, Some(Approach::Nominal)).is_err());
-        assert!(choose(sampling, &[], None).is_err());
     }
 }

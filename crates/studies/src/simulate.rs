@@ -8,7 +8,6 @@ use gear::{Discretisation, Geometry, Pair, Sliding, rating};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
 
-mod constraints;
 mod page;
 mod text;
 
@@ -57,7 +56,6 @@ pub struct Simulation {
     pub wear: WearChoice,
     /// The pair's constraints, those of the file and the defaults; empty for a pair that is not
     /// simulable.
-    #[serde(serialize_with = "constraints::serialize")]
     pub constraints: Vec<Constraint>,
     /// All other figures, if the pair can be simulated.
     #[serde(skip)]

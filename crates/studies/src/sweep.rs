@@ -8,14 +8,18 @@ use std::path::{Path, PathBuf};
 use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
-use campaign::{Approach, Campaign, Criteria, FileError, GearCriteria, GearVariables};
-use report::{Percentile, PercentileSeries};
-use results::percentile::percentile;
+use campaign::{Approach, Campaign, FileError};
+use results::optima::{Optima, VerifiedOptimum};
+use results::report::PercentileSeries;
+use results::row;
 use results::status;
-use stages::optima::{self, approach_of, optimum_design};
+use results::table::{Cell, Column, Table};
+use stats::OrderStatistic;
 use store::Store;
 
-use crate::table::{Document, NOTHING, Table, exact, maybe_exact, with_interval, write};
+use crate::table::{
+    CRITERIA, Document, NOTHING, PageTable, criteria_cells, percentile_cells, with_interval, write,
+};
 
 /// Numbers of teeth, ascending and without gaps.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -37,7 +41,7 @@ impl std::str::FromStr for Teeth {
     /// Reads `17..30` (without 30), `17..=30` (with it) or `17`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let number = |text: &str| -> Result<u32, String> {
-            let wrong = || format!("{text:?} is not a number of teeth from 4 to 2000");
+            let wrong = || format!("{text:?} is no number of teeth from 4 to 2000");
             let number = text.trim().parse().map_err(|_| wrong())?;
             if Self::SENSIBLE.contains(&number) {
                 Ok(number)
@@ -102,11 +106,11 @@ pub fn members(
         .collect()
 }
 
-/// Whether a campaign is finished in its store. False without a store.
+/// Whether the store of a campaign is there, is that campaign's, and has nothing left to do.
 ///
 /// # Errors
 ///
-/// The store cannot be read.
+/// There is something in the store's place that cannot be read.
 pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
     let store = match Store::open_read_only(&member.db).await {
         Ok(store) => store,
@@ -124,25 +128,19 @@ pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
 pub struct Row {
     /// Teeth of pinion and mate.
     pub teeth: [u32; 2],
-    /// The approach.
-    pub approach: Approach,
-    /// Number of calls of the simulator.
-    pub simulator_calls: u64,
-    /// The approach's design, or the reason why it has none.
-    pub optimum: Result<Optimum, String>,
+    /// What an approach found.
+    pub verified: VerifiedOptimum,
 }
 
-/// The design that an approach found.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Optimum {
-    /// The variables of the pair.
-    pub variables: GearVariables,
-    /// The value that the approach minimised, µm.
-    pub criterion: f64,
-    /// The criteria of the pair.
-    pub criteria: GearCriteria,
-    /// The verified percentile, µm.
-    pub p90: Percentile,
+impl Row {
+    fn approach(&self) -> Approach {
+        self.verified.optimum.approach
+    }
+
+    /// The verified percentile; none without a design or with too few samples.
+    fn p90(&self) -> Option<OrderStatistic> {
+        self.verified.percentile
+    }
 }
 
 /// The results in the store of a finished campaign, one row per approach.
@@ -153,36 +151,15 @@ pub struct Optimum {
 pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
     let store = Store::open_read_only(&member.db).await?;
     let problem = Problem::new(member.campaign.clone());
-    let mut rows = Vec::new();
-    for row in optima::stored(&store).await? {
-        let Some(approach) = approach_of(&row.approach) else {
-            continue;
-        };
-        let criteria: Option<Criteria> = serde_json::from_str(&row.criteria_json)?;
-        let optimum = match (optimum_design(&problem, &row), criteria) {
-            (Some(design), Some(criteria)) => {
-                let samples = optima::verification_samples(&store, &row).await?;
-                Ok(Optimum {
-                    variables: design.gears(),
-                    criterion: row.criterion,
-                    criteria: criteria.gears(),
-                    p90: percentile(&member.campaign.sampling, &samples),
-                })
-            }
-            _ => Err(row.note),
-        };
-        rows.push(Row {
-            teeth: member
-                .campaign
-                .gears()
-                .map_or([0; 2], |sections| sections.pair.teeth()),
-            approach,
-            simulator_calls: row.simulator_calls,
-            optimum,
-        });
-    }
+    let optima = Optima::read(&store, &problem).await?;
     store.close().await?;
-    Ok(rows)
+    let sections = member.campaign.gears();
+    let teeth = sections.map_or([0; 2], |sections| sections.pair.teeth());
+    let row = |verified: &VerifiedOptimum| Row {
+        teeth,
+        verified: verified.clone(),
+    };
+    Ok(optima.iter().map(row).collect())
 }
 
 /// Writes `sweep.csv`, `sweep.md` and `sweep.svg` into `out`; returns what it wrote.
@@ -198,20 +175,20 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
-         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
-         verification samples.\n\n{}",
+         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
+         samples.\n\n{}",
         summary(rows).markdown()
     );
     for row in rows {
-        if let Err(why) = &row.optimum {
+        if let Err(why) = row.verified.optimum.found_or_sentence() {
             page += &format!(
                 "\n{} teeth, {}: no feasible design. {why}\n",
                 row.teeth[0],
-                row.approach.name()
+                row.approach().name()
             );
         }
     }
-    match report::chart_teeth(&percentile, &lines(rows)) {
+    match results::report::chart_teeth(&percentile, &lines(rows)) {
         Ok(svg) => {
             write(out, "sweep.svg", svg)?;
             page += &format!("\n![{percentile} against the number of teeth](sweep.svg)\n");
@@ -229,17 +206,17 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
 fn approaches(rows: &[Row]) -> Vec<Approach> {
     Approach::ALL
         .into_iter()
-        .filter(|approach| rows.iter().any(|row| row.approach == *approach))
+        .filter(|approach| rows.iter().any(|row| row.approach() == *approach))
         .collect()
 }
 
 /// One line per number of teeth, one column per approach.
-fn summary(rows: &[Row]) -> Table {
+fn summary(rows: &[Row]) -> PageTable {
     let approaches = approaches(rows);
     let mut header = vec!["teeth".to_owned(), "best approach".to_owned()];
     header.extend(approaches.iter().map(|approach| approach.name().to_owned()));
     header.push("module of the best, mm".to_owned());
-    let mut table = Table::new(header);
+    let mut table = PageTable::new(header);
     let mut rest = rows;
     while let Some(first) = rest.first() {
         let (group, others) = rest.split_at(
@@ -250,24 +227,25 @@ fn summary(rows: &[Row]) -> Table {
         rest = others;
         let best = group
             .iter()
-            .filter_map(|row| Some((row, row.optimum.as_ref().ok()?)))
-            .min_by(|a, b| a.1.p90.value.total_cmp(&b.1.p90.value));
+            .filter_map(|row| Some((row, row.p90()?)))
+            .min_by(|(_, a), (_, b)| a.value.total_cmp(&b.value))
+            .map(|(row, _)| row);
         let mut line = vec![
             format!("{} : {}", first.teeth[0], first.teeth[1]),
-            best.map_or("none feasible", |(row, _)| row.approach.name())
+            best.map_or("none feasible", |row| row.approach().name())
                 .to_owned(),
         ];
         line.extend(approaches.iter().map(|approach| {
-            let row = group.iter().find(|row| row.approach == *approach);
-            match row.map(|row| &row.optimum) {
-                Some(Ok(optimum)) => with_interval(&optimum.p90),
-                Some(Err(_)) => "none feasible".to_owned(),
-                None => NOTHING.to_owned(),
-            }
+            let Some(row) = group.iter().find(|row| row.approach() == *approach) else {
+                return NOTHING.to_owned();
+            };
+            row.p90()
+                .map_or_else(|| "none feasible".to_owned(), |p90| with_interval(&p90))
         }));
-        line.push(best.map_or_else(
+        let found = best.and_then(|row| row.verified.optimum.feasible());
+        line.push(found.map_or_else(
             || NOTHING.to_owned(),
-            |(_, optimum)| format!("{:.3}", optimum.criteria.normal_module_mm),
+            |found| format!("{:.3}", found.criteria.gears().normal_module_mm),
         ));
         table.rows.push(line);
     }
@@ -275,47 +253,31 @@ fn summary(rows: &[Row]) -> Table {
 }
 
 fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
-    let columns = sampling.percentile_columns();
-    let mut header = vec!["teeth_p", "teeth_r", "approach"];
-    header.extend(VARIABLE_NAMES);
-    header.push("criterion_um");
-    header.extend(columns.iter().map(String::as_str));
-    header.extend([
-        "normal_module_mm",
-        "contact_ratio",
-        "specific_sliding",
-        "hertz_pressure_mpa",
-        "root_stress_mpa",
-        "simulator_calls",
-        "remark",
-    ]);
-    let mut table = Table::new(header);
+    let mut columns = ["teeth_p", "teeth_r"].map(Column::whole).to_vec();
+    columns.push(Column::text("approach"));
+    columns.extend(VARIABLE_NAMES.map(Column::number));
+    columns.push(Column::number("criterion_um"));
+    columns.extend(sampling.percentile_columns().map(Column::number));
+    columns.push(Column::number("normal_module_mm"));
+    columns.extend(CRITERIA.map(Column::number));
+    columns.extend([Column::whole("simulator_calls"), Column::text("remark")]);
+    let mut table = Table::new(columns);
     for row in rows {
-        let [pinion, mate] = row.teeth.map(|teeth| teeth.to_string());
-        let mut line = vec![pinion, mate, row.approach.name().to_owned()];
-        let optimum = row.optimum.as_ref().ok();
-        match optimum {
-            Some(optimum) => line.extend(optimum.variables.values().map(exact)),
-            None => line.extend(VARIABLE_NAMES.map(|_| String::new())),
+        let [pinion, mate] = row.teeth;
+        let mut line = row![pinion, mate, row.approach().name()];
+        let optimum = &row.verified.optimum;
+        let found = optimum.found.as_ref().ok();
+        match found {
+            Some(found) => line.extend(found.design.values().iter().copied().map(Cell::from)),
+            None => line.extend(VARIABLE_NAMES.map(|_| Cell::Missing)),
         }
-        let p90 = optimum.map(|optimum| optimum.p90);
-        let criteria = optimum.map(|optimum| optimum.criteria);
-        line.extend(
-            [
-                optimum.map(|optimum| optimum.criterion),
-                p90.map(|p90| p90.value),
-                p90.map(|p90| p90.low),
-                p90.map(|p90| p90.high),
-                criteria.map(|criteria| criteria.normal_module_mm),
-                criteria.map(|criteria| criteria.contact_ratio),
-                criteria.map(|criteria| criteria.specific_sliding),
-                criteria.map(|criteria| criteria.hertz_pressure_mpa),
-                criteria.map(|criteria| criteria.root_stress_mpa),
-            ]
-            .map(maybe_exact),
-        );
-        line.push(row.simulator_calls.to_string());
-        line.push(row.optimum.as_ref().err().cloned().unwrap_or_default());
+        line.push(found.map(|found| found.criterion).into());
+        line.extend(percentile_cells(row.p90()));
+        let criteria = found.map(|found| found.criteria.gears());
+        line.push(criteria.map(|criteria| criteria.normal_module_mm).into());
+        line.extend(criteria_cells(criteria.as_ref()));
+        let remark = optimum.found_or_sentence().err();
+        line.extend(row![optimum.cost.simulator_calls, remark.unwrap_or_default()]);
         table.rows.push(line);
     }
     table
@@ -328,8 +290,8 @@ fn lines(rows: &[Row]) -> Vec<PercentileSeries> {
             name: approach.name().to_owned(),
             points: rows
                 .iter()
-                .filter(|row| row.approach == approach)
-                .filter_map(|row| Some((f64::from(row.teeth[0]), row.optimum.as_ref().ok()?.p90)))
+                .filter(|row| row.approach() == approach)
+                .filter_map(|row| Some((f64::from(row.teeth[0]), row.p90()?)))
                 .collect(),
         })
         .collect()
@@ -337,6 +299,11 @@ fn lines(rows: &[Row]) -> Vec<PercentileSeries> {
 
 #[cfg(test)]
 mod tests {
+    use campaign::optimise::Found;
+    use stages::cost::Cost;
+    use stages::optima::{NoOptimum, Optimum};
+    use stages::verification::Verification;
+
     use super::*;
 
     #[test]
@@ -365,30 +332,40 @@ mod tests {
         let problem = Problem::new(campaign);
         let gears = problem.gears().unwrap();
         let criteria = gears.pair_criteria(&gears.pair(&design).unwrap(), 1000.0);
-        let variables = design.gears();
-        let sampling = &problem.campaign().sampling;
-        let p90 = percentile(sampling, &[[1.0; 30], [1.2; 30]].concat());
-        let row = |teeth, approach, optimum| Row {
-            teeth,
+        let found = Found {
+            design,
+            criterion: 1.0,
+            criteria: criteria.into(),
+            feasible: true,
+        };
+        let optimum = |approach, found| Optimum {
             approach,
-            simulator_calls: 7,
-            optimum,
+            found,
+            cost: Cost::default(),
+            note: "No run found a design.".to_owned(),
         };
-        let found = || {
-            Ok(Optimum {
-                variables,
-                criterion: 1.0,
-                criteria,
-                p90,
-            })
+        let none = || Err(NoOptimum::NoneSimulable);
+        let verification = Verification {
+            samples: [[1.0; 30], [1.2; 30]].concat(),
+            wanted: 60,
         };
-        let none = || Err("No run found a design.".to_owned());
-        let rows = [
-            row([19, 21], Approach::Nominal, none()),
-            row([19, 21], Approach::Baseline, none()),
-            row([20, 22], Approach::Nominal, none()),
-            row([20, 22], Approach::Baseline, found()),
+        let optima = [
+            ([19, 21], optimum(Approach::Nominal, none()), None),
+            ([19, 21], optimum(Approach::Baseline, none()), None),
+            ([20, 22], optimum(Approach::Nominal, none()), None),
+            (
+                [20, 22],
+                optimum(Approach::Baseline, Ok(found)),
+                Some(verification),
+            ),
         ];
+        let rows = optima.map(|(teeth, optimum, verification)| {
+            let optima = Optima::new(&problem, vec![(optimum, verification)]);
+            Row {
+                teeth,
+                verified: optima.iter().next().unwrap().clone(),
+            }
+        });
         let table = summary(&rows);
         assert_eq!(table.rows.len(), 2);
         assert_eq!(table.rows[0][1], "none feasible");
@@ -398,7 +375,7 @@ mod tests {
             "{:?}",
             table.rows[1]
         );
-        let all = all_figures(sampling, &rows);
+        let all = all_figures(&problem.campaign().sampling, &rows);
         assert_eq!(all.rows.len(), 4);
         assert!(all.csv().is_ok(), "every row is complete");
         let drawn: Vec<usize> = lines(&rows).iter().map(|line| line.points.len()).collect();

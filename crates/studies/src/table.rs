@@ -1,26 +1,27 @@
-//! Tables and files that studies write.
+//! Pages, tables and files that studies write.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
-use report::Percentile;
-use results::rows;
-use serde_json::{Value, json};
+use campaign::GearCriteria;
+use results::table::{Cell, SCHEMA_VERSION, Table};
+use serde_json::{Map, Value, json};
+use stats::OrderStatistic;
 
 /// Text of a field without a value.
 pub(crate) const NOTHING: &str = "–";
 
-/// A table, to be written in more than one form.
+/// A table of a page: figures as people read them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
+pub struct PageTable {
     /// The head of each column.
     pub header: Vec<String>,
     /// The fields of each row.
     pub rows: Vec<Vec<String>>,
 }
 
-impl Table {
+impl PageTable {
     /// A table without rows.
     #[must_use]
     pub fn new<S: ToString>(header: impl IntoIterator<Item = S>) -> Self {
@@ -41,20 +42,6 @@ impl Table {
         let rows: String = self.rows.iter().map(|row| line(row)).collect();
         line(&self.header) + &rule + &rows
     }
-
-    /// The table as CSV.
-    ///
-    /// # Errors
-    ///
-    /// A row is not as long as the header.
-    pub fn csv(&self) -> anyhow::Result<Vec<u8>> {
-        let mut out = csv::Writer::from_writer(Vec::new());
-        out.write_record(&self.header)?;
-        for row in &self.rows {
-            out.write_record(row)?;
-        }
-        Ok(out.into_inner()?)
-    }
 }
 
 /// The page and the tables of a study.
@@ -68,22 +55,15 @@ pub struct Document {
 
 impl Document {
     /// The tables as one JSON object, with the folder that they were written to.
-    ///
-    /// # Errors
-    ///
-    /// A table has a row that does not fit its header.
-    pub fn to_json(&self, out: &Path) -> anyhow::Result<Value> {
-        let rows = |table: &Table| -> anyhow::Result<Vec<Value>> {
-            let row = |row: &Vec<String>| Ok(rows::object(&table.header, row)?.into());
-            table.rows.iter().map(row).collect()
-        };
+    #[must_use]
+    pub fn to_json(&self, out: &Path) -> Value {
         let tables = self.tables.iter();
-        let tables = tables.map(|(name, table)| Ok(((*name).to_owned(), rows(table)?.into())));
-        Ok(json!({
-            "schema_version": rows::SCHEMA_VERSION,
+        let tables = tables.map(|(name, table)| ((*name).to_owned(), table.json()));
+        json!({
+            "schema_version": SCHEMA_VERSION,
             "folder": out.display().to_string(),
-            "tables": tables.collect::<anyhow::Result<serde_json::Map<_, _>>>()?,
-        }))
+            "tables": tables.collect::<Map<_, _>>(),
+        })
     }
 }
 
@@ -103,53 +83,64 @@ pub fn write(out: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Resul
         .with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// A number for a CSV file: the shortest digits that read back as the same number.
-pub(crate) fn exact(value: f64) -> String {
-    format!("{value}")
+/// The columns of [`criteria_cells`].
+pub(crate) const CRITERIA: [&str; 4] = [
+    "contact_ratio",
+    "specific_sliding",
+    "hertz_pressure_mpa",
+    "root_stress_mpa",
+];
+
+/// The criteria of a design that every table has.
+pub(crate) fn criteria_cells(criteria: Option<&GearCriteria>) -> [Cell; 4] {
+    let of: [fn(&GearCriteria) -> f64; 4] = [
+        |criteria| criteria.contact_ratio,
+        |criteria| criteria.specific_sliding,
+        |criteria| criteria.hertz_pressure_mpa,
+        |criteria| criteria.root_stress_mpa,
+    ];
+    of.map(|of| criteria.map(of).into())
 }
 
-pub(crate) fn maybe_exact(value: Option<f64>) -> String {
-    value.map_or_else(String::new, exact)
+/// A percentile with the ends of its interval.
+pub(crate) fn percentile_cells(p90: Option<OrderStatistic>) -> [Cell; 3] {
+    let (low, high) = p90.and_then(|p90| p90.interval).unzip();
+    [p90.map(|p90| p90.value), low, high].map(Cell::from)
 }
 
-/// A percentile and its interval for a table, as in `1.51 [1.49; 1.53]`.
-pub(crate) fn with_interval(p90: &Percentile) -> String {
+/// A percentile and its interval for a page, as in `1.51 [1.49; 1.53]`.
+pub(crate) fn with_interval(p90: &OrderStatistic) -> String {
     let mut text = format!("{:.3}", p90.value);
-    if p90.low.is_finite() {
+    if let Some((low, high)) = p90.interval {
         // Writing to a String cannot fail.
-        let _ = write!(text, " [{:.3}; {:.3}]", p90.low, p90.high);
+        let _ = write!(text, " [{low:.3}; {high:.3}]");
     }
     text
 }
 
 #[cfg(test)]
 mod tests {
+    use results::row;
+    use results::table::Column;
+
     use super::*;
 
     #[test]
-    fn a_table_is_the_same_in_both_forms() {
-        let mut table = Table::new(["a", "b"]);
-        table.rows.push(vec!["x|y".to_owned(), "1,5".to_owned()]);
-        assert_eq!(table.markdown(), "| a | b |\n|---|---:|\n| x\\|y | 1,5 |\n");
-        assert_eq!(table.csv().unwrap(), b"a,b\nx|y,\"1,5\"\n");
-        let found = Document {
+    fn tables_are_written_for_people_and_for_programs() {
+        let mut shown = PageTable::new(["a", "b"]);
+        shown.rows.push(vec!["x|y".to_owned(), "1,5".to_owned()]);
+        assert_eq!(shown.markdown(), "| a | b |\n|---|---:|\n| x\\|y | 1,5 |\n");
+        let mut table = Table::new(vec![Column::text("source"), Column::number("b")]);
+        table.rows.push(row!["x|y", 1.5]);
+        let document = Document {
             page: String::new(),
-            tables: vec![("t", table.clone())],
-        };
-        assert!(found.to_json(Path::new("out")).is_err(), "a is no text");
-        table.header = vec!["source".to_owned(), "b".to_owned()];
-        table.rows[0][1] = "1.5".to_owned();
-        let found = Document {
-            tables: vec![("t", table.clone())],
-            ..found
+            tables: vec![("t", table)],
         };
         let expected = json!({
             "schema_version": 1,
             "folder": "out",
             "tables": {"t": [{"source": "x|y", "b": 1.5}]},
         });
-        assert_eq!(found.to_json(Path::new("out")).unwrap(), expected);
-        table.rows.push(vec!["short".to_owned()]);
-        assert!(table.csv().is_err());
+        assert_eq!(document.to_json(Path::new("out")), expected);
     }
 }

@@ -1,7 +1,7 @@
 //! The page of all studies.
 
 use campaign::Campaign;
-use report::{TradeoffPage, TradeoffRow, TradeoffStudy};
+use results::report::{TradeoffPage, TradeoffRow, TradeoffStudy};
 
 use crate::study::{Size, Study};
 

@@ -1,6 +1,6 @@
 //! A view of one cost against one error: a chart and a recommendation.
 
-use report::{TradeoffChart, TradeoffSeries};
+use results::report::{TradeoffChart, TradeoffSeries};
 
 use crate::front::{Reason, Rule, front, recommend};
 use crate::table::{Row, Table};

@@ -2,12 +2,14 @@
 
 use std::borrow::Cow;
 
+use serde::{Serialize, Serializer};
+
 /// A constraint evaluated at a design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraint {
     /// The constrained quantity.
     pub name: Cow<'static, str>,
-    /// The unit preceded by a space, or an empty string.
+    /// The unit; empty for a number without one.
     pub unit: Cow<'static, str>,
     /// Its value.
     pub value: f64,
@@ -122,16 +124,43 @@ impl Constraint {
     }
 }
 
+/// For programs: name, unit, value, relation, limit, and whether the constraint holds.
+impl Serialize for Constraint {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        #[derive(Serialize)]
+        struct Row<'a> {
+            name: &'a str,
+            unit: &'a str,
+            value: f64,
+            relation: &'a str,
+            limit: f64,
+            holds: bool,
+        }
+        let row = Row {
+            name: &self.name,
+            unit: &self.unit,
+            value: self.value,
+            relation: self.bound.sign(),
+            limit: self.limit,
+            holds: self.holds(),
+        };
+        row.serialize(to)
+    }
+}
+
 impl std::fmt::Display for Constraint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
             name,
-            unit,
             value,
             limit,
             excess,
             ..
         } = self;
+        let unit = match &*self.unit {
+            "" => String::new(),
+            unit => format!(" {unit}"),
+        };
         // A limit in modules has many digits when converted to mm.
         let limit = (limit * 1e4).round() / 1e4;
         // An optimum lies on a constraint, where only the size of a small violation matters.

@@ -81,10 +81,7 @@ impl External {
         let mut constraints = Vec::new();
         for (section, &value) in self.sections.constraints.iter().zip(criteria.values()) {
             let name = section.name.clone();
-            let unit = match section.unit.as_str() {
-                "" => String::new(),
-                unit => format!(" {unit}"),
-            };
+            let unit = section.unit.clone();
             let scaled = |constraint: Constraint| Constraint {
                 scale: match constraint.limit.abs() {
                     0.0 => 1.0,

@@ -2,7 +2,7 @@
 
 use protocol::exit;
 use rehearsal::{Rehearsed, Scenario, Wave, rehearse};
-use report::{TradeoffChart, TradeoffSeries};
+use results::report::{TradeoffChart, TradeoffSeries};
 use serde::Serialize;
 use studies::table::write;
 use tracing::info;
@@ -61,7 +61,7 @@ pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> anyhow
     if let Some(out) = &arguments.out {
         std::fs::create_dir_all(out)?;
         write(out, "cluster.csv", csv(&simulated)?)?;
-        let chart = report::chart_tradeoff(&chart(&simulated))?;
+        let chart = results::report::chart_tradeoff(&chart(&simulated))?;
         write(out, "cluster.svg", chart)?;
     }
     print_either(arguments.json, &simulated, || describe(&simulated))?;

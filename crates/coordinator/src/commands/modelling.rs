@@ -6,10 +6,10 @@ use std::time::Duration;
 use campaign::file::Nugget;
 use indicatif::{ProgressBar, ProgressStyle};
 use kriging::{FitOptions, Settings};
-use modelling::table::Skipped;
-use modelling::{ModelFile, Request, Table, summary};
 use protocol::exit;
 use results::model;
+use results::modelling::table::Skipped;
+use results::modelling::{ModelFile, Request, Table, summary};
 use store::Store;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
@@ -45,7 +45,9 @@ pub(super) async fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
         },
     };
     let doing = format!("fitting a model to {} rows", table.len());
-    let Some(fitted) = interruptible(doing, move || modelling::fit(&table, &request)).await? else {
+    let Some(fitted) =
+        interruptible(doing, move || results::modelling::fit(&table, &request)).await?
+    else {
         return Ok(exit::INTERRUPTED);
     };
     let fitted = fitted?;
@@ -81,7 +83,7 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
     }
     let (level, interval) = (arguments.level, arguments.interval);
     let doing = format!("predicting at {} points", table.len());
-    let work = move || modelling::predict(&model, &table, level, interval);
+    let work = move || results::modelling::predict(&model, &table, level, interval);
     let Some(predictions) = interruptible(doing, work).await? else {
         return Ok(exit::INTERRUPTED);
     };

@@ -133,7 +133,7 @@ pub(super) fn refuse_report_of_another(out: &Path, own: &[String]) -> Result<(),
             .map_err(|source| cannot("read", &report, source))?,
     };
     let head = String::from_utf8_lossy(&head);
-    match report::campaign_digest(&head) {
+    match results::report::campaign_digest(&head) {
         Some(digest) if own.iter().any(|own| own == digest) => Ok(()),
         _ => {
             let what = "it is the report of another campaign, or of an earlier version: choose another \

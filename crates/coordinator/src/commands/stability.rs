@@ -2,7 +2,7 @@
 
 use ::stability::Atlas;
 use protocol::exit;
-use results::rows::SCHEMA_VERSION;
+use results::table::SCHEMA_VERSION;
 use serde_json::json;
 use studies::table;
 use tracing::info;

@@ -123,9 +123,8 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Re
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     let campaign = problem.campaign().clone();
     require_built_in(&campaign).map_err(usage)?;
-    let optima = finished::optima(&store, &problem).await?;
+    let optimum = finished::optimum(&store, &problem, arguments.approach).await?;
     store.close().await?;
-    let optimum = sensitivity::choose(&campaign.sampling, &optima, arguments.approach)?.clone();
     let tolerances = sensitivity::Tolerances {
         modules: arguments.tolerance,
         scenario: arguments.scenario,
@@ -218,7 +217,7 @@ async fn finished_campaign(
 }
 
 fn finish(document: &Document, out: &Path, json: bool) -> anyhow::Result<u8> {
-    print_either(json, &document.to_json(out)?, || {
+    print_either(json, &document.to_json(out), || {
         format!("{}\nwritten to {}\n", document.page, out.display())
     })?;
     Ok(exit::OK)

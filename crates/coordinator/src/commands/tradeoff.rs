@@ -116,7 +116,7 @@ fn conduct(
         studies.push(study);
     }
     let page = tradeoff::page(campaign, size, &studies, coordinator::made::made());
-    let page = report::render_tradeoff(&page)?;
+    let page = results::report::render_tradeoff(&page)?;
     for chart in &page.charts {
         write(
             &out.join(CHARTS),

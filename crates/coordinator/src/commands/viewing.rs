@@ -38,7 +38,12 @@ pub(super) async fn view(arguments: arguments::View) -> anyhow::Result<u8> {
     ));
     let stop = CancellationToken::new();
     tokio::spawn(console::watch_signals(stop.clone(), "stopping"));
-    live::serve(listener, live::Site::new(store.clone(), None), stop).await?;
+    results::live::serve(
+        listener,
+        results::live::Site::new(store.clone(), None),
+        stop,
+    )
+    .await?;
     store.close().await?;
     Ok(exit::OK)
 }

@@ -279,7 +279,7 @@ pub fn similar(variables: &[f64; 6]) -> Option<&'static SimilarRow> {
 }
 
 /// A table row or figure of the paper that prints a ΔSTE.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Place {
     /// Row of Table 1, from 0.
     Preliminary(usize),

@@ -10,41 +10,41 @@ use ledger::StreamId;
 use stages::{names, optima};
 use store::{CriteriaRow, FailureKind, ResponseRow, Store};
 
-use super::number;
-use crate::rows::RowWriter;
+use super::{Out, coordinates, numbers, quantity};
+use crate::row;
+use crate::table::Column;
 
 pub(super) async fn write<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: &mut RowWriter<W>,
+    out: Out<'_, W>,
 ) -> anyhow::Result<()> {
     let responses = problem.responses();
-    let mut header = vec!["design"];
-    header.extend(problem.free_names());
-    header.extend(["simulable", "feasible", "samples", "reason"]);
-    header.extend(responses.iter().map(|response| &*response.name));
-    out.write_record(&header)?;
+    let mut columns = vec![Column::whole("design")];
+    columns.extend(coordinates(problem));
+    columns.extend(["simulable", "feasible", "samples"].map(Column::whole));
+    columns.push(Column::text("reason"));
+    columns.extend(responses.iter().map(quantity));
+    let mut out = out.table(columns)?;
     let known = Known::read(store, problem).await?;
-    for row in store.designs().await? {
-        let of_design = known.of(row.design);
+    for design in store.designs().await? {
+        let of_design = known.of(design.design);
         let criteria = of_design.criteria;
-        let flag = |holds: Option<bool>| {
-            holds.map_or_else(String::new, |holds| u8::from(holds).to_string())
-        };
-        let feasible = criteria.and_then(|criteria| known.is_feasible(problem, &row.x, criteria));
-        let mut record = vec![row.design.to_string()];
-        record.extend(row.x.iter().copied().map(number));
-        record.push(flag(criteria.map(|criteria| criteria.simulable)));
-        record.push(flag(feasible));
-        record.push(of_design.samples.to_string());
-        record.push(of_design.reason(&problem.campaign().sampling));
-        match criteria.and_then(|row| row.responses.as_deref()) {
-            Some(values) => record.extend(values.iter().copied().map(number)),
-            None => record.extend(std::iter::repeat_n(String::new(), responses.len())),
-        }
-        out.write_record(&record)?;
+        let feasible =
+            criteria.and_then(|criteria| known.is_feasible(problem, &design.x, criteria));
+        let mut row = row![design.design];
+        row.extend(numbers(Some(&design.x), 0));
+        row.extend(row![
+            criteria.map(|criteria| criteria.simulable),
+            feasible,
+            of_design.samples,
+            of_design.reason(&problem.campaign().sampling),
+        ]);
+        let values = criteria.and_then(|row| row.responses.as_deref());
+        row.extend(numbers(values, responses.len()));
+        out.write(&row)?;
     }
-    Ok(())
+    out.finish()
 }
 
 /// What the store knows of all designs.
@@ -73,7 +73,7 @@ impl Known {
         let failures = store.failures().await?.into_iter();
         let quarantined = failures.filter(|row| row.kind == FailureKind::Quarantine);
         Ok(Self {
-            base: optima::base(problem, &store.optima().await?),
+            base: optima::base(problem, &optima::stored(store, problem).await?),
             criteria: criteria.into_iter().map(|row| (row.design, row)).collect(),
             responses: responses.into_iter().map(|row| (row.design, row)).collect(),
             samples: store.sampled_counts().await?.into_iter().collect(),

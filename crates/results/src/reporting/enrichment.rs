@@ -2,26 +2,32 @@
 
 use campaign::Approach;
 use campaign::formulation::Problem;
-use report::{Enrichment, EnrichmentRound};
 use stages::infill::MORE;
 use stages::rounds::Round;
 use stages::snapshot::response_counts;
 use store::{InfillRow, RoundRow, Store};
 
-use super::sources::Sources;
+use crate::optima::VerifiedOptimum;
+use crate::report::{Enrichment, EnrichmentRound};
+use crate::snapshot::Snapshot;
 
 /// None without an enrichment.
 pub(super) async fn enrichment(
     store: &Store,
-    sources: &Sources,
+    snapshot: &Snapshot,
 ) -> anyhow::Result<Option<Enrichment>> {
-    if sources.problem.campaign().enrichment.is_none() {
+    if snapshot.problem.campaign().enrichment.is_none() {
         return Ok(None);
     }
-    let verified = sources.verified.get(Approach::EnrichedKriging.name());
-    let verified = verified.map_or(&[][..], Vec::as_slice);
-    let rounds = rounds(&sources.problem, &sources.rounds, &sources.infill, verified)?;
-    let counts = response_counts(store, &sources.problem.campaign().sampling).await?;
+    let verified = snapshot.optima.of(Approach::EnrichedKriging);
+    let verified = verified.map_or(&[][..], VerifiedOptimum::samples);
+    let rounds = rounds(
+        &snapshot.problem,
+        &snapshot.rounds,
+        &snapshot.infill,
+        verified,
+    )?;
+    let counts = response_counts(store, &snapshot.problem.campaign().sampling).await?;
     Ok(rounds.map(|enrichment| Enrichment {
         doe_samples: counts.values().sum(),
         ..enrichment

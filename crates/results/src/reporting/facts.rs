@@ -4,11 +4,11 @@ use campaign::file::{ControlVariate, PercentileRule, SIGNIFICANCE, Wear};
 use stages::designs;
 use stats::HarrellDavisVariance;
 
-use super::sources::Sources;
+use crate::snapshot::Snapshot;
 
 /// (label, value) pairs.
-pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
-    let campaign = sources.problem.campaign();
+pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
+    let campaign = snapshot.problem.campaign();
     let mut facts = Vec::new();
     if campaign.is_external() {
         facts.push(("simulator".to_owned(), "an external program".to_owned()));
@@ -28,12 +28,12 @@ pub(super) fn facts(sources: &Sources) -> Vec<(String, String)> {
             facts.push(("manufacture".to_owned(), manufacture.describe()));
         }
     }
-    if let Some(evenness) = designs::evenness(&sources.problem, &sources.designs) {
+    if let Some(evenness) = designs::evenness(&snapshot.problem, &snapshot.designs) {
         facts.push(("design of experiments".to_owned(), evenness));
     }
-    facts.extend(ruled_out(sources));
-    facts.extend(precision(sources));
-    facts.extend(percentiles(sources));
+    facts.extend(ruled_out(snapshot));
+    facts.extend(precision(snapshot));
+    facts.extend(percentiles(snapshot));
     if campaign.sampling.control == ControlVariate::Linearised {
         facts.push((
             "control variate".to_owned(),
@@ -70,9 +70,9 @@ fn wear(wear: &Wear) -> String {
 }
 
 /// How many designs got no samples because of their constraints.
-fn ruled_out(sources: &Sources) -> Option<(String, String)> {
-    let limit = sources.problem.campaign().sampling.skip_violation()?;
-    let count = sources
+fn ruled_out(snapshot: &Snapshot) -> Option<(String, String)> {
+    let limit = snapshot.problem.campaign().sampling.skip_violation()?;
+    let count = snapshot
         .criteria
         .iter()
         .filter(|row| row.simulable && row.reason.is_some())
@@ -89,34 +89,34 @@ fn ruled_out(sources: &Sources) -> Option<(String, String)> {
 }
 
 /// What sampling to a precision came to.
-fn precision(sources: &Sources) -> Option<(String, String)> {
-    let sampling = &sources.problem.campaign().sampling;
+fn precision(snapshot: &Snapshot) -> Option<(String, String)> {
+    let sampling = &snapshot.problem.campaign().sampling;
     let precision = sampling.precision_um?;
     let reached = |row: &&store::ResponseRow| row.percentile_variance.sqrt() <= precision;
-    let reached = sources.responses.iter().filter(reached).count();
+    let reached = snapshot.responses.iter().filter(reached).count();
     Some((
         format!("precision of {}", sampling.percentile_name()),
         format!(
             "{precision} µm, reached by {reached} of {} designs with {} samples (at most {} each)",
-            sources.responses.len(),
-            sources.samples,
+            snapshot.responses.len(),
+            snapshot.samples,
             sampling.samples_max()
         ),
     ))
 }
 
 /// How the percentile of a design is estimated, and of how many designs the samples are not normal.
-fn percentiles(sources: &Sources) -> Option<(String, String)> {
-    let sampling = &sources.problem.campaign().sampling;
+fn percentiles(snapshot: &Snapshot) -> Option<(String, String)> {
+    let sampling = &snapshot.problem.campaign().sampling;
     // Said with the coefficients.
     if sampling.coefficients() != stats::Sampling::Independent {
         return None;
     }
     let rejected = |row: &&store::ResponseRow| row.lilliefors_p.is_some_and(|p| p < SIGNIFICANCE);
-    let rejected = sources.responses.iter().filter(rejected).count();
+    let rejected = snapshot.responses.iter().filter(rejected).count();
     let of_them = format!(
         "{rejected} of {} designs where normality is rejected at {:.0} %",
-        sources.responses.len(),
+        snapshot.responses.len(),
         100.0 * SIGNIFICANCE
     );
     let rule = sampling.rule_of_percentile();

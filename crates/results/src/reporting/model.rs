@@ -2,13 +2,12 @@
 
 use campaign::Design;
 use kriging::Surrogate;
-use report::{KrigingFit, LeaveOneOut, Parameter, Slice, VariableIndices};
 use stages::fitting::ModelSummary;
 use stats::SensitivityPlan;
 use stats::streams::{Purpose, stream};
 
-use super::called;
-use super::sources::Sources;
+use crate::report::{KrigingFit, LeaveOneOut, Parameter, Slice, VariableIndices, variable_name};
+use crate::snapshot::Snapshot;
 
 /// Points of a slice.
 const POINTS: usize = 31;
@@ -19,13 +18,13 @@ const STREAM: u64 = 3;
 
 /// The model of the percentile, if there is one, with slices through `through`.
 pub(super) fn kriging(
-    sources: &Sources,
+    snapshot: &Snapshot,
     through: Option<&Design>,
-) -> anyhow::Result<Vec<KrigingFit>> {
-    let Some(model) = &sources.model else {
-        return Ok(Vec::new());
+) -> anyhow::Result<Option<KrigingFit>> {
+    let Some((model, surrogate)) = &snapshot.model else {
+        return Ok(None);
     };
-    let problem = &sources.problem;
+    let problem = &snapshot.problem;
     let percentile = problem.campaign().sampling.percentile_name();
     let parameter = |name: &str, value: f64, unit: &str| Parameter {
         name: name.to_owned(),
@@ -47,20 +46,12 @@ pub(super) fn kriging(
             .free_names()
             .zip(&model.ranges)
             .map(|(name, range)| {
-                let name = called(sources, name);
+                let name = variable_name(&snapshot.problem, name);
                 parameter(&format!("range in {name}"), range.unwrap_or(f64::NAN), "")
             }),
     );
-    let surrogate = match &sources.model_json {
-        Some(json) => Some(Surrogate::from_json(json)?),
-        None => None,
-    };
-    let slices = match (&surrogate, through) {
-        (Some(surrogate), Some(design)) => slices(sources, surrogate, design)?,
-        _ => Vec::new(),
-    };
-    let indices = match &surrogate {
-        Some(surrogate) => indices(sources, surrogate)?,
+    let slices = match through {
+        Some(design) => slices(snapshot, surrogate, design)?,
         None => Vec::new(),
     };
     let left_out = model.leave_one_out();
@@ -70,8 +61,8 @@ pub(super) fn kriging(
         observed: point.observed,
         predicted: point.predicted,
     });
-    Ok(vec![KrigingFit {
-        title: format!("{percentile} over {}", fitted_to(sources, model)),
+    Ok(Some(KrigingFit {
+        title: format!("{percentile} over {}", fitted_to(snapshot, model)),
         unit: unit.to_owned(),
         kernel: model.kernel.clone(),
         parameters,
@@ -81,13 +72,13 @@ pub(super) fn kriging(
         warnings: model.warnings.clone(),
         leave_one_out: left_out.collect(),
         slices,
-        indices,
-    }])
+        indices: indices(snapshot, surrogate)?,
+    }))
 }
 
 /// What the model was fitted to, in words.
-fn fitted_to(sources: &Sources, model: &ModelSummary) -> String {
-    let is_of_doe = |(number, _): &&(u64, f64)| *number < sources.designs.len() as u64;
+fn fitted_to(snapshot: &Snapshot, model: &ModelSummary) -> String {
+    let is_of_doe = |(number, _): &&(u64, f64)| *number < snapshot.designs.len() as u64;
     let designs = model.residuals.iter().filter(is_of_doe).count();
     match model.residuals.len() - designs {
         0 => format!("{} designs", model.points),
@@ -96,9 +87,13 @@ fn fitted_to(sources: &Sources, model: &ModelSummary) -> String {
 }
 
 /// The model along each variable of the DoE, with the others at a design.
-fn slices(sources: &Sources, surrogate: &Surrogate, design: &Design) -> anyhow::Result<Vec<Slice>> {
-    let centre = sources.problem.free_values(design);
-    let coordinates = sources.problem.coordinates().iter().enumerate();
+fn slices(
+    snapshot: &Snapshot,
+    surrogate: &Surrogate,
+    design: &Design,
+) -> anyhow::Result<Vec<Slice>> {
+    let centre = snapshot.problem.free_values(design);
+    let coordinates = snapshot.problem.coordinates().iter().enumerate();
     coordinates
         .map(|(j, coordinate)| {
             let [low, high] = coordinate.range;
@@ -113,7 +108,7 @@ fn slices(sources: &Sources, surrogate: &Surrogate, design: &Design) -> anyhow::
                 let ends = [0.025, 0.975].map(|level| surrogate.quantile(prediction, level));
                 [value(k), prediction.mean, ends[0], ends[1]]
             });
-            let symbol = called(sources, &coordinate.name);
+            let symbol = variable_name(&snapshot.problem, &coordinate.name);
             Ok(Slice {
                 variable: coordinate.name.to_string(),
                 label: match &*coordinate.unit {
@@ -128,8 +123,8 @@ fn slices(sources: &Sources, surrogate: &Surrogate, design: &Design) -> anyhow::
 }
 
 /// Sobol' indices of the model's mean over the box of the DoE; none of a model that does not vary.
-fn indices(sources: &Sources, surrogate: &Surrogate) -> anyhow::Result<Vec<VariableIndices>> {
-    let problem = &sources.problem;
+fn indices(snapshot: &Snapshot, surrogate: &Surrogate) -> anyhow::Result<Vec<VariableIndices>> {
+    let problem = &snapshot.problem;
     let seed = problem.campaign().seed;
     let Ok(plan) = SensitivityPlan::new(problem.dimension(), ROWS, seed as u32) else {
         // Of one variable among more than the sequence has dimensions nothing is said.
@@ -146,7 +141,7 @@ fn indices(sources: &Sources, surrogate: &Surrogate) -> anyhow::Result<Vec<Varia
     Ok(names
         .zip(both)
         .map(|(name, (first, total))| VariableIndices {
-            variable: called(sources, name),
+            variable: variable_name(&snapshot.problem, name),
             first: first.value,
             total: total.value,
         })

@@ -1,14 +1,13 @@
 //! Remarks and warnings, and what the model leaves out.
 
 use stages::names;
-use stages::optima::optimum_design;
 
-use super::sources::Sources;
+use crate::snapshot::Snapshot;
 
-pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<String> {
-    let campaign = sources.problem.campaign();
+pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
+    let campaign = snapshot.problem.campaign();
     let mut notes = campaign.warnings();
-    if let Some(model) = &sources.model {
+    if let Some((model, _)) = &snapshot.model {
         notes.extend(
             model
                 .warnings
@@ -16,12 +15,12 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
                 .map(|warning| format!("Kriging: {warning}.")),
         );
     }
-    notes.extend(sources.doubts.clone());
+    notes.extend(snapshot.doubts.clone());
     if !campaign.is_external() {
-        notes.extend(pointed_tips(sources));
+        notes.extend(pointed_tips(snapshot));
     }
     let panics = |name: &str| {
-        sources
+        snapshot
             .criteria
             .iter()
             .filter(|row| {
@@ -45,7 +44,8 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
             ));
         }
     }
-    let mut quarantined: Vec<String> = failures
+    let mut quarantined: Vec<String> = snapshot
+        .failures
         .iter()
         .filter(|row| row.kind == store::FailureKind::Quarantine)
         .map(names::failed_job)
@@ -79,12 +79,15 @@ pub(super) fn notes(sources: &Sources, failures: &[store::FailureRow]) -> Vec<St
 
 /// Names optima whose teeth have no tip land left: no constraint of the paper asks for one, and
 /// the slenderness of such tips makes their ΔSTE depend on how the beam model ends.
-fn pointed_tips(sources: &Sources) -> Vec<String> {
+fn pointed_tips(snapshot: &Snapshot) -> Vec<String> {
     let mut notes = Vec::new();
-    for row in &sources.optima {
-        let Some(pair) = optimum_design(&sources.problem, row)
-            .and_then(|design| sources.problem.gears()?.pair(&design).ok())
-        else {
+    for verified in snapshot.optima.iter() {
+        let optimum = &verified.optimum;
+        let found = optimum.found.as_ref().ok();
+        let Some(pair) = found.and_then(|found| {
+            let gears = snapshot.problem.gears()?;
+            gears.pair(&found.design).ok()
+        }) else {
             continue;
         };
         let pointed = pair.geometry().pointed;
@@ -98,7 +101,7 @@ fn pointed_tips(sources: &Sources) -> Vec<String> {
             "{who} the optimum “{}” has pointed teeth: the constraints ask for no tip land. Its \
              ΔSTE rests on where the beam model ends a tooth that thins to nothing; shortened to a \
              usual tip land, such a pair loses much of what it gained.",
-            row.approach
+            optimum.approach.name()
         ));
     }
     notes

@@ -2,18 +2,17 @@
 
 use campaign::file::{PercentileRule, Sampling};
 use gear::paper::printed::{self as paper, Place};
-use report::{
-    GearDrawing, PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign, SteCurves,
-};
-use stages::references::{design, name};
+use stages::references::design;
 use stages::responses::{self, Samples};
 
-use super::optima::{drawing, ste};
-use super::sources::Sources;
-use crate::percentile::percentile;
+use crate::report::{
+    Illustration, ModelFigure, PreliminaryDesign, PrintedDesign, PrintedFigures, SimilarDesign,
+    drawing, ste,
+};
+use crate::snapshot::Snapshot;
 
-pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
-    let sampling = &sources.problem.campaign().sampling;
+pub(super) fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
+    let sampling = &snapshot.problem.campaign().sampling;
     let k = sampling.samples_per_design as usize;
     let of_paper = Sampling {
         percentile: Some(PercentileRule::Paper),
@@ -23,7 +22,7 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .iter()
         .enumerate()
         .filter_map(|(row, printed)| {
-            let samples = sources.verified.get(&name(Place::Preliminary(row)))?;
+            let samples = snapshot.printed.get(&Place::Preliminary(row))?;
             // As many as the paper's: the p value falls with the number of samples.
             let samples = &samples[..samples.len().min(paper::ACCURATE_SAMPLES)];
             let plain = Samples::plain(samples);
@@ -43,43 +42,48 @@ pub(super) fn preliminary(sources: &Sources) -> Vec<PreliminaryDesign> {
         .collect()
 }
 
-pub(super) fn similar(sources: &Sources) -> Vec<SimilarDesign> {
-    let sampling = &sources.problem.campaign().sampling;
+pub(super) fn similar(snapshot: &Snapshot) -> Vec<SimilarDesign> {
+    let sampling = &snapshot.problem.campaign().sampling;
     paper::SIMILAR
         .iter()
         .enumerate()
         .filter_map(|(row, printed)| {
             let place = Place::Similar(row);
-            let gears = sources.problem.gears()?;
+            let gears = snapshot.problem.gears()?;
             let pair = gears.pair(&design(place)).ok()?;
             Some(SimilarDesign {
                 variables: printed.variables,
                 delta_ste_archard_um: pair.archard(gears.wear()).analysis.delta_ste_um,
-                p90: percentile(sampling, sources.verified.get(&name(place))?),
+                p90: sampling.verified(snapshot.printed.get(&place)?).ok(),
             })
         })
         .collect()
 }
 
-pub(super) fn printed_designs(sources: &Sources) -> Vec<PrintedDesign> {
+pub(super) fn printed_designs(snapshot: &Snapshot) -> Vec<PrintedDesign> {
     (6..=10)
         .map(|figure| PrintedDesign {
             figure,
-            outcome: printed_figures(sources, figure),
+            outcome: printed_figures(snapshot, figure),
             // The start of an optimisation; the others stand beside the campaign's own optima.
-            drawing: (figure == 6).then(|| drawn(sources, figure)).flatten(),
+            illustration: (figure == 6).then(|| drawn(snapshot, figure)).flatten(),
         })
         .collect()
 }
 
-fn drawn(sources: &Sources, figure: u8) -> Option<(GearDrawing, SteCurves)> {
-    let gears = sources.problem.gears()?;
+fn drawn(snapshot: &Snapshot, figure: u8) -> Option<Illustration> {
+    let gears = snapshot.problem.gears()?;
     let pair = gears.pair(&design(Place::Figure(figure))).ok()?;
-    Some((drawing(&pair), ste(&pair, gears.wear())))
+    Some(Illustration {
+        converged_difference_um: None,
+        drawing: drawing(&pair),
+        ste: ste(&pair, gears.wear()),
+        contact: None,
+    })
 }
 
-fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, String> {
-    let gears = sources.problem.gears().ok_or("no gears")?;
+fn printed_figures(snapshot: &Snapshot, figure: u8) -> Result<PrintedFigures, String> {
+    let gears = snapshot.problem.gears().ok_or("no gears")?;
     let pair = gears
         .pair(&design(Place::Figure(figure)))
         .map_err(|error| error.to_string())?;
@@ -91,21 +95,22 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
     let criteria = gears.pair_criteria(&pair, pressure);
     let samples = match figure {
         6 => &[][..],
-        _ => sources
-            .verified
-            .get(&name(Place::Figure(figure)))
+        _ => snapshot
+            .printed
+            .get(&Place::Figure(figure))
             .map_or(&[][..], Vec::as_slice),
     };
-    let p90 = percentile(&sources.problem.campaign().sampling, samples);
+    let sampling = &snapshot.problem.campaign().sampling;
+    let p90 = sampling.verified(samples).map_or(f64::NAN, |p90| p90.value);
     let criterion = match figure {
         6 | 7 => unworn.delta_ste_um,
         9 => worn.delta_ste_um,
         // The captions give a kriging prediction and an estimate from 30 samples; the model's
         // figure beside them is its own accurate percentile.
-        _ => p90.value,
+        _ => p90,
     };
     let notched = pair.root_stress().iter().any(|root| !root.in_range);
-    let mut von_mises = report::ModelFigure::from(criteria.root_stress_mpa);
+    let mut von_mises = ModelFigure::from(criteria.root_stress_mpa);
     if notched {
         von_mises.note =
             "The notch factor’s formula is outside its range (1 to 8) here.".to_owned();
@@ -117,6 +122,6 @@ fn printed_figures(sources: &Sources, figure: u8) -> Result<PrintedFigures, Stri
         von_mises_mpa: von_mises,
         pressure_mpa: criteria.hertz_pressure_mpa.into(),
         criterion: criterion.into(),
-        p90_um: p90.value.into(),
+        p90_um: p90.into(),
     })
 }

@@ -1,3 +1,4 @@
 //! What a store says.
 
+mod report;
 mod status;

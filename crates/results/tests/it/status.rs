@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use campaign::Campaign;
 use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
-use results::live::{Pace, Paces, RunSeconds, Running};
+use results::running::{Pace, Paces, RunSeconds, Running};
 use results::status::{Optimum, Progress, Status, read};
 use stages::stage::Stage;
 use store::{CampaignRow, Store};

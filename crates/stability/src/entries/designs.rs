@@ -3,7 +3,7 @@
 use doe::{
     Design, Error, Method as Kind, Options, SOBOL_POINTS, enlarge, maximin, random_lhs, sobol,
 };
-use report::Scale;
+use results::report::Scale;
 
 use crate::outcome::{Failed, Outcome};
 use crate::{Entry, Method};

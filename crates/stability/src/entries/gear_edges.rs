@@ -1,7 +1,7 @@
 //! Gear pairs on the way to their edges: sweeps that end where no pair exists.
 
 use gear::{Error, Infeasible, PairInput};
-use report::Scale;
+use results::report::Scale;
 
 use super::gear_scene::{all_finite, broken, largest_jump, pair, plain, refused, tip_land};
 use crate::outcome::{Failed, Outcome};

@@ -5,7 +5,7 @@ use gear::{
     ToothModel, Wear, WearLaw,
     paper::{self, WEAR},
 };
-use report::Scale;
+use results::report::Scale;
 use stats::streams::{Purpose, stream};
 
 use super::gear_scene::{all_finite, pair, plain};

@@ -2,7 +2,7 @@
 
 use kriging::{Estimator, FitOptions, Kernel, Model, Warning};
 use nalgebra::DMatrix;
-use report::Scale;
+use results::report::Scale;
 
 use super::kriging_scene::{grid, kernel, model, normal, random_points, rmse};
 use crate::outcome::{Failed, Outcome};

@@ -3,7 +3,7 @@
 use kriging::{
     Data, Error, FitOptions, Method as FitMethod, Model, Response, Settings, Surrogate, Trend, fit,
 };
-use report::Scale;
+use results::report::Scale;
 
 use super::kriging_scene::{grid, model, normal, random_points, rmse};
 use crate::outcome::{Failed, Outcome};

@@ -1,7 +1,7 @@
 //! Kriging: responses, points and noise that a model does not expect.
 
 use kriging::{FitOptions, Model, Trend};
-use report::Scale;
+use results::report::Scale;
 
 use super::kriging_scene::{grid, model, normal, random_points, rmse};
 use crate::outcome::{Failed, Outcome};

@@ -2,7 +2,7 @@
 
 use ledger::{Accepted, Grant, Ledger, Options, StreamId, WorkerId};
 use rand::RngExt as _;
-use report::Scale;
+use results::report::Scale;
 use stats::streams::{Purpose, StreamRng, stream};
 
 use super::lease_scene::{LEASE, all_of, at, beat, lease, ledger, names, units, vanished, wanted};

@@ -2,7 +2,7 @@
 
 use cmaes::{Bounds, Cause, CmaEs, Error, Options, Restarts, Stop};
 use rand_distr::{Distribution as _, StandardNormal};
-use report::Scale;
+use results::report::Scale;
 
 use super::search_scene::{FROM_BEST, median, rng, run, sphere, stops};
 use crate::outcome::{Failed, Outcome};

@@ -5,7 +5,7 @@ use campaign::optimise;
 use campaign::task::Run as CampaignRun;
 use campaign::{Approach, Campaign};
 use cmaes::{Bounds, CmaEs, Evaluation, Options, RunOptions, minimise_run};
-use report::Scale;
+use results::report::Scale;
 
 use super::search_scene::{FROM_BEST, median, rng, run, sphere, stops};
 use crate::outcome::{Failed, Outcome};

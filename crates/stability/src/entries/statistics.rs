@@ -2,7 +2,7 @@
 
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
-use report::Scale;
+use results::report::Scale;
 use stats::streams::{Purpose, StreamRng, stream};
 use stats::{
     ChoiceRule, Control, EXACT_Z90, Method as Estimator, PAPER_Z90, Percentile, SensitivityPlan,

@@ -1,7 +1,7 @@
 //! Percentiles of verification samples, and the differences between them.
 
 use rand_distr::{Distribution as _, StandardNormal};
-use report::Scale;
+use results::report::Scale;
 use stats::reference::Reference;
 use stats::streams::{Purpose, stream};
 use stats::{OrderStatistic, order_interval_min_samples, order_statistic, paired_difference};

@@ -6,8 +6,7 @@ use campaign::formulation::Problem;
 use campaign::simulator::State;
 use campaign::{Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
-use report::Percentile;
-use results::percentile::percentile;
+use stats::OrderStatistic;
 use store::{CriteriaRow, Store};
 
 use crate::direct::{self, Start};
@@ -108,9 +107,9 @@ pub struct Point {
     /// Its criteria.
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
-    pub p90: Percentile,
+    pub p90: OrderStatistic,
     /// P90 from verification samples; `None` if there are none.
-    pub verified: Option<Percentile>,
+    pub verified: Option<OrderStatistic>,
     /// Whether no other design is at least as good in both objectives, by verification samples where there
     /// are any.
     pub on_front: bool,
@@ -169,16 +168,14 @@ pub async fn of_doe(
             p90: response.percentile,
             variance: response.percentile_variance,
         };
-        let (low, high) = stats::p90_interval(&estimate, 0.95).unwrap_or((f64::NAN, f64::NAN));
         points.push(Point {
             source: Source::Doe(response.design),
             variables: design.gears(),
             criteria,
-            p90: Percentile {
+            p90: OrderStatistic {
+                n: samples,
                 value: response.percentile,
-                low,
-                high,
-                samples,
+                interval: stats::p90_interval(&estimate, 0.95).ok(),
             },
             verified: None,
             on_front: false,
@@ -192,16 +189,16 @@ pub async fn of_doe(
 pub fn of_optima(sampling: &Sampling, optima: &[Optimum]) -> Vec<Point> {
     optima
         .iter()
-        .map(|optimum| {
-            let p90 = percentile(sampling, &optimum.verified);
-            Point {
+        .filter_map(|optimum| {
+            let p90 = sampling.verified(&optimum.verified).ok()?;
+            Some(Point {
                 source: Source::Optimum(optimum.approach.name()),
                 variables: optimum.variables,
                 criteria: optimum.criteria,
                 p90,
                 verified: Some(p90),
                 on_front: false,
-            }
+            })
         })
         .filter(|point| point.p90.value.is_finite())
         .collect()
@@ -251,7 +248,7 @@ fn verify(problem: &Problem, points: Vec<Point>) -> anyhow::Result<Vec<Point>> {
     let verified = |mut point: Point| {
         let samples = samples::verification(problem, &point.variables.into())
             .with_context(|| format!("the {}", point.source.name()))?;
-        point.verified = Some(percentile(&problem.campaign().sampling, &samples));
+        point.verified = Some(problem.campaign().sampling.verified(&samples)?);
         Ok(point)
     };
     points.into_par_iter().map(verified).collect()
@@ -304,11 +301,10 @@ pub fn refine(
             source: Source::Search,
             variables: found.design.gears(),
             criteria: found.criteria.gears(),
-            p90: Percentile {
+            p90: OrderStatistic {
+                n: problem.campaign().sampling.samples_per_design as usize,
                 value: found.criterion,
-                low: f64::NAN,
-                high: f64::NAN,
-                samples: problem.campaign().sampling.samples_per_design as usize,
+                interval: None,
             },
             verified: None,
             on_front: false,
@@ -341,11 +337,10 @@ mod tests {
     fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let percentile = |value: f64| Percentile {
+        let percentile = |value: f64| OrderStatistic {
+            n: 30,
             value,
-            low: value - 0.1,
-            high: value + 0.1,
-            samples: 30,
+            interval: Some((value - 0.1, value + 0.1)),
         };
         Point {
             source,
@@ -422,7 +417,7 @@ mod tests {
         for (point, limit) in found.iter().zip([1550.0, 1387.5]) {
             assert!(point.criteria.hertz_pressure_mpa < limit);
             assert!(problem.is_feasible(&point.criteria.into()));
-            assert_eq!(point.verified.unwrap().samples, 50);
+            assert_eq!(point.verified.unwrap().n, 50);
         }
     }
 }

@@ -5,10 +5,14 @@ use std::path::Path;
 use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
-use report::PercentileSeries;
+use results::report::PercentileSeries;
+use results::row;
+use results::table::{Cell, Column, Table};
 
 use super::front::{Against, Point, Source};
-use crate::table::{Document, NOTHING, Table, exact, maybe_exact, with_interval, write};
+use crate::table::{
+    CRITERIA, Document, NOTHING, PageTable, criteria_cells, percentile_cells, with_interval, write,
+};
 
 /// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are
 /// the designs behind the front of the DoE, `marked` those that [`super::mark`] has marked, after
@@ -63,9 +67,9 @@ pub fn write_tables(
     })
 }
 
-fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
+fn summary(problem: &Problem, against: Against, points: &[Point]) -> PageTable {
     let percentile = problem.campaign().sampling.percentile_name();
-    let mut table = Table::new([
+    let mut table = PageTable::new([
         "design",
         against.label(),
         &format!("{percentile} of its samples, µm"),
@@ -94,41 +98,23 @@ fn summary(problem: &Problem, against: Against, points: &[Point]) -> Table {
 }
 
 fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
-    let columns = sampling.percentile_columns();
-    let verified = columns
+    let estimated = sampling.percentile_columns();
+    let verified = estimated
         .each_ref()
         .map(|column| format!("verified_{column}"));
-    let mut header = vec!["source"];
-    header.extend(VARIABLE_NAMES);
-    header.extend([
-        "contact_ratio",
-        "specific_sliding",
-        "hertz_pressure_mpa",
-        "root_stress_mpa",
-    ]);
-    header.extend(columns.iter().chain(&verified).map(String::as_str));
-    header.push("on_front");
-    let mut table = Table::new(header);
+    let mut columns = vec![Column::text("source")];
+    columns.extend(VARIABLE_NAMES.map(Column::number));
+    columns.extend(CRITERIA.map(Column::number));
+    columns.extend(estimated.into_iter().chain(verified).map(Column::number));
+    columns.push(Column::whole("on_front"));
+    let mut table = Table::new(columns);
     for point in points {
-        let mut line = vec![point.source.name()];
-        line.extend(point.variables.values().map(exact));
-        let criteria = &point.criteria;
-        line.extend(
-            [
-                criteria.contact_ratio,
-                criteria.specific_sliding,
-                criteria.hertz_pressure_mpa,
-                criteria.root_stress_mpa,
-            ]
-            .map(exact),
-        );
-        for p90 in [Some(point.p90), point.verified] {
-            let finite = |value: f64| value.is_finite().then_some(value);
-            line.push(maybe_exact(p90.map(|p90| p90.value)));
-            line.push(maybe_exact(p90.and_then(|p90| finite(p90.low))));
-            line.push(maybe_exact(p90.and_then(|p90| finite(p90.high))));
-        }
-        line.push(u8::from(point.on_front).to_string());
+        let mut line = row![point.source.name()];
+        line.extend(point.variables.values().map(Cell::from));
+        line.extend(criteria_cells(Some(&point.criteria)));
+        line.extend(percentile_cells(Some(point.p90)));
+        line.extend(percentile_cells(point.verified));
+        line.push(point.on_front.into());
         table.rows.push(line);
     }
     table
@@ -139,7 +125,7 @@ fn chart(
     against: Against,
     all: &[Point],
     marked: &[Point],
-) -> Result<String, report::Error> {
+) -> Result<String, results::report::Error> {
     let at = |point: &Point| against.of(&point.criteria);
     let series = |name: &str, of: &dyn Fn(&Source) -> bool| PercentileSeries {
         name: name.to_owned(),
@@ -158,7 +144,7 @@ fn chart(
         .filter(|point| point.on_front)
         .map(|point| [at(point), point.judged()])
         .collect();
-    report::chart_front(
+    results::report::chart_front(
         &problem.campaign().sampling.percentile_name(),
         against.label(),
         against.limit(problem),
@@ -176,7 +162,7 @@ fn chart(
 mod tests {
     use campaign::Campaign;
     use gear::paper::printed::Place;
-    use report::Percentile;
+    use stats::OrderStatistic;
 
     use super::*;
 
@@ -190,11 +176,10 @@ mod tests {
             source,
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, pressure),
-            p90: Percentile {
+            p90: OrderStatistic {
+                n: 30,
                 value: 2.0,
-                low: 1.9,
-                high: 2.1,
-                samples: 30,
+                interval: Some((1.9, 2.1)),
             },
             verified: None,
             on_front: true,

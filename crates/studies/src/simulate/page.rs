@@ -3,14 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use campaign::PairFile;
-use campaign::formulation::Constraint;
 use gear::{Member, Pair};
-use report::{PairConstraint, PairPage, PressureCurves, SteCurves, WearProfiles};
-use results::reporting;
+use results::report;
+use results::report::{PairPage, PressureCurves, SteCurves, WearProfiles};
+use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
 
 use super::{Figures, Request, Simulation, WearChoice, text};
-use crate::table::{self, Table, exact};
+use crate::table;
 
 /// Number of random wear profiles on the page.
 const WEAR_PROFILES: u64 = 10;
@@ -46,21 +46,30 @@ pub fn write_page(
     let curves = Curves::of(&pair, subject);
     let page = page(subject, simulation, figures, &pair, &curves);
     for (name, chart) in [
-        ("section.svg", report::chart_gears(&page.drawing)?),
-        ("axonometric.svg", report::chart_solid(&page.drawing)?),
-        ("ste.svg", report::chart_ste(&page.ste)?),
-        ("pressure.svg", report::chart_pressure(&page.pressure)?),
-        ("contact.svg", report::chart_contact(&page.contact)?),
+        ("section.svg", results::report::chart_gears(&page.drawing)?),
+        (
+            "axonometric.svg",
+            results::report::chart_solid(&page.drawing)?,
+        ),
+        ("ste.svg", results::report::chart_ste(&page.ste)?),
+        (
+            "pressure.svg",
+            results::report::chart_pressure(&page.pressure)?,
+        ),
+        (
+            "contact.svg",
+            results::report::chart_contact(&page.contact)?,
+        ),
     ] {
         table::write(out, name, chart)?;
     }
     if let Some(wear) = &page.wear {
-        table::write(out, "wear.svg", report::chart_wear(wear)?)?;
+        table::write(out, "wear.svg", results::report::chart_wear(wear)?)?;
         table::write(out, "wear.csv", curves.wear_table().csv()?)?;
     }
     table::write(out, "ste.csv", curves.ste_table().csv()?)?;
     table::write(out, "pressure.csv", curves.pressure_table().csv()?)?;
-    table::write(out, "pair.html", report::render_pair(&page)?)?;
+    table::write(out, "pair.html", results::report::render_pair(&page)?)?;
     Ok(Some(out.join("pair.html")))
 }
 
@@ -86,7 +95,7 @@ impl Curves {
         let geometry = pair.geometry();
         let wear = subject.file.wear.to_gear();
         let micrometres = |depths: &[f64]| depths.iter().map(|d| d * 1e3).collect::<Vec<f64>>();
-        let mut ste = reporting::ste(pair, &wear);
+        let mut ste = report::ste(pair, &wear);
         let (mut worn_mpa, mut depth_um, mut random_um) = (Vec::new(), Vec::new(), Vec::new());
         if subject.request.wear == WearChoice::None {
             ste.worn_um.clear();
@@ -174,10 +183,10 @@ fn columns(all: &[(&str, &[f64])]) -> Table {
         .iter()
         .filter(|(_, values)| !values.is_empty())
         .collect();
-    let mut table = Table::new(all.iter().map(|(name, _)| name));
+    let mut table = Table::new(all.iter().map(|(name, _)| Column::number(*name)).collect());
     let length = all.first().map_or(0, |(_, values)| values.len());
     table.rows = (0..length)
-        .map(|row| all.iter().map(|(_, values)| exact(values[row])).collect())
+        .map(|row| all.iter().map(|(_, values)| values[row].into()).collect())
         .collect();
     table
 }
@@ -198,12 +207,12 @@ fn page(
             "The pair is {}.",
             verdict.lines().next().unwrap_or_default()
         ),
-        constraints: simulation.constraints.iter().map(constraint).collect(),
+        constraints: simulation.constraints.clone(),
         figures: text::rows(figures)
             .into_iter()
             .map(|(name, value)| (name.to_owned(), value))
             .collect(),
-        drawing: reporting::drawing(pair),
+        drawing: report::drawing(pair),
         ste: curves.ste.clone(),
         pressure: PressureCurves {
             place_mm: curves.pitch_distances(),
@@ -213,7 +222,7 @@ fn page(
         contact: {
             let wear = subject.file.wear.to_gear();
             let is_worn = subject.request.wear != WearChoice::None;
-            reporting::contact(pair, is_worn.then_some(&wear))
+            report::contact(pair, is_worn.then_some(&wear))
         },
         wear: (!curves.depth_um.is_empty()).then(|| WearProfiles {
             subject: format!(
@@ -228,16 +237,5 @@ fn page(
             archard_um: curves.depth_um.clone(),
             random_um: curves.random_um.clone(),
         }),
-    }
-}
-
-fn constraint(constraint: &Constraint) -> PairConstraint {
-    PairConstraint {
-        name: constraint.name.to_string(),
-        value: constraint.value,
-        unit: constraint.unit.trim_start().to_owned(),
-        relation: constraint.bound.sign(),
-        limit: constraint.limit,
-        holds: constraint.holds(),
     }
 }

@@ -24,7 +24,7 @@ pub fn constraints(
     let limit = limits.root_stress_max(material);
     all.push(Constraint::below(
         "root stress",
-        " MPa",
+        "MPa",
         criteria.root_stress_mpa,
         limit,
     ));
@@ -32,7 +32,7 @@ pub fn constraints(
     let pressure = criteria.hertz_pressure_mpa;
     all.push(Constraint::below(
         "contact pressure",
-        " MPa",
+        "MPa",
         pressure,
         limit,
     ));
@@ -55,13 +55,13 @@ pub fn constraints(
                 .zip(values)
                 .map(|(name, value)| Constraint {
                     scale: module,
-                    ..Constraint::at_least(name, " mm", value, limit)
+                    ..Constraint::at_least(name, "mm", value, limit)
                 }),
         );
     }
     let (least, most) = (limits.normal_module_min_mm, limits.normal_module_max_mm);
-    all.extend(least.map(|limit| Constraint::at_least("normal module", " mm", module, limit)));
-    all.extend(most.map(|limit| Constraint::at_most("normal module", " mm", module, limit)));
+    all.extend(least.map(|limit| Constraint::at_least("normal module", "mm", module, limit)));
+    all.extend(most.map(|limit| Constraint::at_most("normal module", "mm", module, limit)));
     if let Some(details) = &criteria.details {
         all.extend(of_details(limits, module, details));
     }
@@ -78,7 +78,7 @@ fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Co
     for (names, unit, values, limit) in [
         (
             ["pinion tip land", "mate tip land"],
-            " mm",
+            "mm",
             details.tip_land_mm,
             limits.tip_land_min_modules.map(|land| module * land),
         ),
@@ -106,7 +106,7 @@ fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Co
     let distance = details.centre_distance_mm;
     let (least, most) = (limits.centre_distance_min_mm, limits.centre_distance_max_mm);
     let name = "centre distance";
-    all.extend(least.map(|limit| Constraint::at_least(name, " mm", distance, limit)));
-    all.extend(most.map(|limit| Constraint::at_most(name, " mm", distance, limit)));
+    all.extend(least.map(|limit| Constraint::at_least(name, "mm", distance, limit)));
+    all.extend(most.map(|limit| Constraint::at_most(name, "mm", distance, limit)));
     all
 }

@@ -18,8 +18,8 @@ use coordinator::service::Service;
 use gateway::port::{self, Doors};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
+use results::optima::Optima;
 use serde_json::{Value, json};
-use stages::optima;
 use stats::streams::{Purpose, stream};
 use store::{CampaignRow, DesignRow, Store};
 use tokio::runtime::Handle;
@@ -134,18 +134,15 @@ async fn whole(
     }
     let store = Store::open_read_only(&path("campaign.db")).await?;
     let mut ended = Vec::new();
-    for row in optima::stored(&store).await? {
-        let Some(approach) = optima::approach_of(&row.approach) else {
-            continue;
-        };
-        let samples = optima::verification_samples(&store, &row).await?;
-        let verified = campaign.sampling.verified(&samples).ok();
-        let percentile = verified.filter(|_| row.feasible).map(|found| found.value);
+    let problem = Problem::new(campaign.clone());
+    for verified in Optima::read(&store, &problem).await?.iter() {
+        let optimum = &verified.optimum;
+        let percentile = verified.percentile.filter(|_| optimum.feasible().is_some());
         ended.push(Ended {
-            approach,
-            calls: row.simulator_calls as f64,
-            seconds: row.cpu_seconds,
-            percentile: percentile.unwrap_or(f64::INFINITY),
+            approach: optimum.approach,
+            calls: optimum.cost.simulator_calls as f64,
+            seconds: optimum.cost.cpu_seconds,
+            percentile: percentile.map_or(f64::INFINITY, |found| found.value),
         });
     }
     store.close().await?;

@@ -1,0 +1,177 @@
+//! The best design so far.
+
+use campaign::Design;
+use campaign::formulation::{Constraint, Problem};
+use campaign::optimise::Found;
+use serde::Serialize;
+use stats::OrderStatistic;
+
+use crate::optima::VerifiedOptimum;
+use crate::report;
+
+use super::{Chart, Named, SCHEMA_VERSION};
+
+/// The best design so far.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Best {
+    /// The version of this object.
+    pub schema_version: u32,
+    /// Whether the campaign is finished. Before that, the result is not conclusive.
+    pub finished: bool,
+    /// Name of the minimised percentile, such as P90.
+    pub percentile: String,
+    /// Name of the response.
+    pub response: String,
+    /// Unit of the response; empty for a number without one.
+    pub unit: String,
+    /// A sentence about the number, or the reason why there is none.
+    pub note: String,
+    /// The design; `None` until a design has a percentile and is feasible.
+    pub best: Option<BestDesign>,
+}
+
+/// A design.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BestDesign {
+    /// The origin: a design of the DoE, or an approach.
+    pub name: String,
+    /// Whether the percentile was estimated from verification samples, taken after the design was
+    /// chosen.
+    pub verified: bool,
+    /// The percentile.
+    pub value: f64,
+    /// Lower end of the 95 % confidence interval.
+    pub low: f64,
+    /// Upper end of the 95 % confidence interval.
+    pub high: f64,
+    /// Number of samples behind the percentile.
+    pub samples: u64,
+    /// The variables.
+    pub variables: Vec<Named>,
+    /// The constraints.
+    pub constraints: Vec<Constraint>,
+    /// For a gear pair: its section and its transmission error.
+    pub charts: Vec<Chart>,
+}
+
+/// The design of the DoE with the best estimated percentile.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BestOfDoe {
+    /// Its number.
+    pub number: u64,
+    /// The design with its criteria.
+    pub found: Found,
+    /// The estimate of the percentile with its 95 % confidence interval.
+    pub percentile: OrderStatistic,
+}
+
+/// The best design so far: the `recommended` optimum if there is any, otherwise the best of the DoE,
+/// chosen as the lowest of `estimates` estimates.
+#[must_use]
+pub fn best(
+    problem: &Problem,
+    finished: bool,
+    recommended: Option<&VerifiedOptimum>,
+    of_doe: Option<&BestOfDoe>,
+    estimates: usize,
+) -> Best {
+    let verified = recommended.and_then(|verified| of_optimum(problem, verified));
+    let note = match (&verified, of_doe) {
+        (Some(_), _) if finished => "Verified with samples of its own.".to_owned(),
+        (Some(_), _) => {
+            "Verified with samples of its own; the campaign is not finished.".to_owned()
+        }
+        (None, Some(_)) => format!(
+            "Best so far, not verified: the least of {estimates} estimates is probably too low."
+        ),
+        (None, None) if estimates == 0 => "No design has its samples yet.".to_owned(),
+        (None, None) => {
+            format!("{estimates} designs have their samples; none of them keeps every constraint.")
+        }
+    };
+    Best {
+        schema_version: SCHEMA_VERSION,
+        finished,
+        percentile: problem.campaign().sampling.percentile_name(),
+        response: problem.sampled().name.to_string(),
+        unit: problem.sampled().unit.to_string(),
+        note,
+        best: verified.or_else(|| {
+            let BestOfDoe {
+                number,
+                found,
+                percentile,
+            } = of_doe?;
+            let name = format!("design {number} of the DoE");
+            Some(of_design(problem, name, false, found, *percentile))
+        }),
+    }
+}
+
+/// A verified optimum with its numbers and charts; `None` until it has its samples.
+#[must_use]
+pub fn of_optimum(problem: &Problem, verified: &VerifiedOptimum) -> Option<BestDesign> {
+    let found = verified.optimum.feasible()?;
+    let approach = problem.approach_name(verified.optimum.approach);
+    let name = format!("optimum of the approach {approach}");
+    Some(of_design(problem, name, true, found, verified.percentile?))
+}
+
+fn of_design(
+    problem: &Problem,
+    name: String,
+    verified: bool,
+    found: &Found,
+    percentile: OrderStatistic,
+) -> BestDesign {
+    let variables = problem.variables().iter().zip(found.design.values());
+    let (low, high) = percentile.interval.unwrap_or((f64::NAN, f64::NAN));
+    BestDesign {
+        name,
+        verified,
+        value: percentile.value,
+        low,
+        high,
+        samples: percentile.n as u64,
+        variables: variables
+            .map(|(variable, value)| Named {
+                name: variable.name.to_string(),
+                unit: variable.unit.to_string(),
+                value: *value,
+            })
+            .collect(),
+        constraints: problem.constraints(&found.criteria),
+        charts: charts(problem, &found.design),
+    }
+}
+
+/// The charts of a gear pair. They are drawn only for the built-in model.
+fn charts(problem: &Problem, design: &Design) -> Vec<Chart> {
+    let built_in = !problem.campaign().is_external();
+    let Some(gears) = problem.gears().filter(|_| built_in) else {
+        return Vec::new();
+    };
+    let Ok(pair) = gears.pair(design) else {
+        return Vec::new();
+    };
+    let section = crate::report::chart_gears(&report::drawing(&pair));
+    let ste = report::ste(&pair, gears.wear());
+    let rows = ste.phase.iter().zip(&ste.unworn_um).zip(&ste.worn_um);
+    let rows = rows.map(|((phase, unworn), worn)| {
+        vec![
+            format!("{phase:.3}"),
+            format!("{unworn:.4}"),
+            format!("{worn:.4}"),
+        ]
+    });
+    let columns = [
+        "mesh phase (periods)",
+        "STE unworn (µm)",
+        "STE with mean wear (µm)",
+    ];
+    let curve = Chart::new(crate::report::chart_ste(&ste), &columns, rows.collect());
+    Chart::new(section, &[], Vec::new())
+        .into_iter()
+        .chain(curve)
+        .collect()
+}

@@ -1,0 +1,214 @@
+//! The percentile over the design space.
+
+use campaign::formulation::Problem;
+use serde::Serialize;
+
+use super::{Chart, SCHEMA_VERSION, rounded};
+
+/// Maximum number of points: more would not be visible in a chart, and every page would have to
+/// load them.
+const POINTS: usize = 3000;
+/// Number of lowest percentiles in a map's table.
+const ROWS: usize = 20;
+/// Significant digits of coordinates and percentiles.
+const DIGITS: i32 = 6;
+
+/// The designs that have a percentile.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Responses {
+    /// The version of this object.
+    pub schema_version: u32,
+    /// The percentile's name.
+    pub percentile: String,
+    /// The response's name.
+    pub response: String,
+    /// Its unit; empty for a number without one.
+    pub unit: String,
+    /// The coordinates that the DoE varies, in the order of each point's `x`.
+    pub coordinates: Vec<Coordinate>,
+    /// Whether the percentiles are preliminary: estimated from each design's first samples, without
+    /// the methods that the campaign applies to all of them.
+    pub preliminary: bool,
+    /// Number of designs with a percentile.
+    pub designs: usize,
+    /// A selection of them, evenly spaced, of limited size. The best is always included.
+    pub points: Vec<Point>,
+    /// The feasible design with the lowest percentile.
+    pub best: Option<u64>,
+}
+
+/// A coordinate that the DoE varies.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Coordinate {
+    /// Its name.
+    pub name: String,
+    /// The unit, if the name does not contain it; empty for a number without one.
+    pub unit: String,
+    /// The interval, as `[low, high]`.
+    pub range: [f64; 2],
+}
+
+/// A design with its percentile.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Point {
+    /// The design's number.
+    pub design: u64,
+    /// Its coordinates.
+    pub x: Vec<f64>,
+    /// The percentile.
+    pub value: f64,
+}
+
+/// The view of all `points`.
+#[must_use]
+pub fn responses(
+    problem: &Problem,
+    points: impl ExactSizeIterator<Item = Point>,
+    best: Option<u64>,
+    preliminary: bool,
+) -> Responses {
+    let designs = points.len();
+    let shown = designs.min(POINTS);
+    // Selects `shown` evenly spaced places of `designs`.
+    let is_chosen = |place: usize| place * shown % designs < shown;
+    let chosen = points
+        .enumerate()
+        .filter(|(place, point)| is_chosen(*place) || Some(point.design) == best)
+        .map(|(_, point)| Point {
+            x: point.x.iter().map(|x| rounded(*x, DIGITS)).collect(),
+            value: rounded(point.value, DIGITS),
+            ..point
+        });
+    let coordinates = problem.coordinates().iter().map(|coordinate| Coordinate {
+        name: coordinate.name.to_string(),
+        unit: coordinate.unit.to_string(),
+        range: coordinate.range,
+    });
+    Responses {
+        schema_version: SCHEMA_VERSION,
+        percentile: problem.campaign().sampling.percentile_name(),
+        response: problem.sampled().name.to_string(),
+        unit: problem.sampled().unit.to_string(),
+        coordinates: coordinates.collect(),
+        preliminary,
+        designs,
+        points: chosen.collect(),
+        best,
+    }
+}
+
+/// The percentile over two of the coordinates: a chart for the page, without the numbers of every
+/// point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Map {
+    /// The version of this object.
+    pub schema_version: u32,
+    /// The percentile's name.
+    pub percentile: String,
+    /// The coordinates that the DoE varies.
+    pub coordinates: Vec<Coordinate>,
+    /// Whether the percentiles are preliminary, as in [`Responses`].
+    pub preliminary: bool,
+    /// Number of designs with a percentile.
+    pub designs: usize,
+    /// Number of designs in the chart.
+    pub shown: usize,
+    /// The chart, with a table of the lowest percentiles; `None` until a design has a percentile.
+    pub chart: Option<Chart>,
+}
+
+/// The map over the coordinates with these numbers; `None` if one does not exist.
+#[must_use]
+pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
+    let label = |place: usize| {
+        let coordinate = responses.coordinates.get(place)?;
+        Some(with_unit(&coordinate.name, &coordinate.unit))
+    };
+    let labels = [label(x)?, label(y)?];
+    let of_response = format!("{} of {}", responses.percentile, responses.response);
+    let place = |point: &Point| Some([*point.x.get(x)?, *point.x.get(y)?]);
+    let triple = |point: &Point| place(point).map(|[x, y]| [x, y, point.value]);
+    let mut least: Vec<&Point> = responses.points.iter().collect();
+    least.sort_by(|a, b| a.value.total_cmp(&b.value));
+    let best = responses.points.iter();
+    let best = best
+        .filter(|point| Some(point.design) == responses.best)
+        .find_map(place);
+    let drawn = crate::report::chart_map(&crate::report::ResponseMap {
+        x: labels[0].clone(),
+        y: labels[1].clone(),
+        response: with_unit(&of_response, &responses.unit),
+        points: responses.points.iter().filter_map(triple).collect(),
+        best,
+    });
+    let rows = least.iter().take(ROWS).filter_map(|point| {
+        let [x, y, value] = triple(point)?;
+        Some(
+            [
+                point.design.to_string(),
+                x.to_string(),
+                y.to_string(),
+                value.to_string(),
+            ]
+            .to_vec(),
+        )
+    });
+    let columns = [
+        "design, the least first",
+        &labels[0],
+        &labels[1],
+        &with_unit(&responses.percentile, &responses.unit),
+    ];
+    Some(Map {
+        schema_version: SCHEMA_VERSION,
+        percentile: responses.percentile.clone(),
+        coordinates: responses.coordinates.clone(),
+        preliminary: responses.preliminary,
+        designs: responses.designs,
+        shown: responses.points.len(),
+        chart: Chart::new(drawn, &columns, rows.collect()),
+    })
+}
+
+/// A quantity with its unit, if it has one.
+fn with_unit(name: &str, unit: &str) -> String {
+    match unit {
+        "" => name.to_owned(),
+        unit => format!("{name} ({unit})"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::Campaign;
+
+    use super::*;
+
+    fn points(count: u64) -> impl ExactSizeIterator<Item = Point> {
+        (0..count as usize).map(|design| Point {
+            design: design as u64,
+            x: vec![0.1 * design as f64; 6],
+            value: 10_000.0 - design as f64,
+        })
+    }
+
+    #[test]
+    fn many_points_are_thinned_and_the_best_stays() {
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let problem = Problem::new(campaign);
+        let few = responses(&problem, points(3000), Some(7), false);
+        assert_eq!((few.designs, few.points.len()), (3000, 3000));
+        let many = responses(&problem, points(6001), Some(5998), true);
+        assert_eq!((many.designs, many.points.len()), (6001, POINTS + 1));
+        assert!(many.points.iter().any(|point| point.design == 5998));
+
+        let map = super::map(&many, 0, 5).unwrap().chart.unwrap();
+        assert_eq!(map.svg.matches("h0").count(), many.points.len());
+        assert_eq!((map.rows.len(), map.columns.len()), (ROWS, 4));
+        // Design 6000 has the lowest percentile but is not among the points shown.
+        assert_eq!(map.rows[0][0], "5999");
+        assert_eq!(super::map(&many, 0, 6), None, "there are six coordinates");
+        let none = responses(&problem, points(0), None, false);
+        assert_eq!(super::map(&none, 0, 1).unwrap().chart, None);
+    }
+}

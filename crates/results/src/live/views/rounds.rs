@@ -1,0 +1,99 @@
+//! The rounds of an enrichment.
+
+use crate::report::{Enrichment, EnrichmentRound};
+use serde::Serialize;
+
+use super::{Chart, SCHEMA_VERSION, rounded};
+
+/// All rounds.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Rounds {
+    /// The version of this object.
+    pub schema_version: u32,
+    /// Whether the campaign has an enrichment.
+    pub enriches: bool,
+    /// Why the enrichment ended, in a sentence; empty while it continues.
+    pub stop: String,
+    /// The rounds, in order.
+    pub rounds: Vec<Round>,
+    /// Charts of the prediction and of the expected improvement.
+    pub charts: Vec<Chart>,
+}
+
+/// One round.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Round {
+    /// The round, from 1.
+    pub round: u64,
+    /// Number of new designs.
+    pub new_designs: u64,
+    /// Number of designs that got further samples.
+    pub further_turns: u64,
+    /// Number of samples requested.
+    pub samples: u64,
+    /// Number of points whose samples were quarantined.
+    pub failed: u64,
+    /// The largest expected improvement of an observation; `null` without a model.
+    pub expected_improvement: f64,
+    /// The model's prediction for the recommended design; `null` without one.
+    pub predicted: f64,
+    /// Lower end of the 95 % interval of the prediction.
+    pub low: f64,
+    /// Upper end of the 95 % interval of the prediction.
+    pub high: f64,
+}
+
+/// The view of an enrichment; without rounds if the campaign has none.
+#[must_use]
+pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
+    let rounds = enrichment.map_or(&[][..], |enrichment| &enrichment.rounds);
+    let number = |value: f64| rounded(value, 5).to_string();
+    let rows: Vec<Vec<String>> = rounds
+        .iter()
+        .map(|round| {
+            let ends = [round.predicted, round.low, round.high].map(number);
+            let [predicted, low, high] = ends;
+            vec![round.round.to_string(), predicted, low, high]
+        })
+        .collect();
+    let gains: Vec<Vec<String>> = rounds
+        .iter()
+        .map(|round| vec![round.round.to_string(), number(round.expected_improvement)])
+        .collect();
+    // Before the first round there is nothing to draw except the tolerance.
+    let begun = enrichment.filter(|_| !rounds.is_empty());
+    let charts = begun.map_or_else(Vec::new, |enrichment| {
+        let prediction = Chart::new(
+            crate::report::chart_prediction(enrichment, percentile),
+            &["round", "predicted", "95 % interval from", "to"],
+            rows,
+        );
+        let gain = Chart::new(
+            crate::report::chart_expected_improvement(enrichment),
+            &["round", "expected improvement"],
+            gains,
+        );
+        prediction.into_iter().chain(gain).collect()
+    });
+    Rounds {
+        schema_version: SCHEMA_VERSION,
+        enriches: enrichment.is_some(),
+        stop: enrichment.map_or_else(String::new, |enrichment| enrichment.stop.clone()),
+        rounds: rounds.iter().map(of_round).collect(),
+        charts,
+    }
+}
+
+fn of_round(round: &EnrichmentRound) -> Round {
+    Round {
+        round: round.round,
+        new_designs: round.new_designs,
+        further_turns: round.further_turns,
+        samples: round.samples,
+        failed: round.failed,
+        expected_improvement: round.expected_improvement,
+        predicted: round.predicted,
+        low: round.low,
+        high: round.high,
+    }
+}

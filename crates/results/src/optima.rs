@@ -1,0 +1,225 @@
+//! The optima of a campaign with their verification, and which of them is recommended.
+
+use campaign::Approach;
+use campaign::formulation::{Constraint, Problem};
+use stages::names;
+use stages::optima::{self, Optimum};
+use stages::verification::Verification;
+use stats::OrderStatistic;
+use store::Store;
+
+/// An optimum with its verification.
+#[derive(Debug, Clone, PartialEq)]
+pub struct VerifiedOptimum {
+    /// The optimum.
+    pub optimum: Optimum,
+    /// Its constraints; empty without a design.
+    pub constraints: Vec<Constraint>,
+    /// Its verification samples, as far as the store holds them; `None` without a design.
+    pub verification: Option<Verification>,
+    /// The verified percentile with its 95 % interval; `None` until all samples are there.
+    pub percentile: Option<OrderStatistic>,
+    /// How far its percentile is worse than that of the recommended optimum, in the unit of the response and
+    /// not negative but for the interval, from samples with the same random numbers. `None` for the
+    /// recommended optimum, for one that is not ranked, and where the samples are too few for an interval.
+    pub behind: Option<OrderStatistic>,
+}
+
+impl VerifiedOptimum {
+    /// The verification samples; empty without a design.
+    #[must_use]
+    pub fn samples(&self) -> &[f64] {
+        self.verification.as_ref().map_or(&[], |v| &v.samples)
+    }
+}
+
+/// The optima of a campaign, in the order of the paper's Table 5.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Optima {
+    all: Vec<VerifiedOptimum>,
+    /// The ranked ones, the best first.
+    ranking: Vec<usize>,
+}
+
+impl Optima {
+    /// Reads the optima of the campaign in `store`, which is that of `problem`.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read, or its optima are not of this problem.
+    pub async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
+        let mut verified = Vec::new();
+        for optimum in optima::stored(store, problem).await? {
+            let verification = match optimum.found {
+                Ok(_) => {
+                    let point = names::verification(optimum.approach);
+                    Some(Verification::read(store, problem.campaign(), point).await?)
+                }
+                Err(_) => None,
+            };
+            verified.push((optimum, verification));
+        }
+        Ok(Self::new(problem, verified))
+    }
+
+    /// Ranks optima, which are in the order of Table 5.
+    #[must_use]
+    pub fn new(problem: &Problem, optima: Vec<(Optimum, Option<Verification>)>) -> Self {
+        let sampling = &problem.campaign().sampling;
+        let mut all: Vec<VerifiedOptimum> = optima
+            .into_iter()
+            .map(|(optimum, verification)| VerifiedOptimum {
+                constraints: match &optimum.found {
+                    Ok(found) => problem.constraints(&found.criteria),
+                    Err(_) => Vec::new(),
+                },
+                percentile: verification
+                    .as_ref()
+                    .filter(|verification| verification.is_complete())
+                    .and_then(|verification| sampling.verified(&verification.samples).ok()),
+                behind: None,
+                optimum,
+                verification,
+            })
+            .collect();
+        let ranked = all.iter().zip(0..).filter_map(|(optimum, place)| {
+            let cost = problem.cost(optimum.percentile?.value);
+            let is_feasible = optimum.optimum.feasible().is_some();
+            (is_feasible && is_ranked(problem, optimum.optimum.approach) && cost.is_finite())
+                .then_some((cost, place))
+        });
+        let mut ranked: Vec<(f64, usize)> = ranked.collect();
+        ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let ranking: Vec<usize> = ranked.into_iter().map(|(_, place)| place).collect();
+        if let Some((&best, others)) = ranking.split_first() {
+            for &other in others {
+                all[other].behind = behind(problem, all[other].samples(), all[best].samples());
+            }
+        }
+        Self { all, ranking }
+    }
+
+    /// The optimum of an approach.
+    #[must_use]
+    pub fn of(&self, approach: Approach) -> Option<&VerifiedOptimum> {
+        self.iter()
+            .find(|optimum| optimum.optimum.approach == approach)
+    }
+
+    /// All optima, in the order of Table 5.
+    pub fn iter(&self) -> impl Iterator<Item = &VerifiedOptimum> {
+        self.all.iter()
+    }
+
+    /// The ranked optima, the best first: feasible, with all verification samples, and of an approach that
+    /// moves the variables of the DoE.
+    pub fn ranked(&self) -> impl Iterator<Item = &VerifiedOptimum> {
+        self.ranking.iter().map(|&place| &self.all[place])
+    }
+
+    /// The recommended optimum: the one with the best verified percentile.
+    #[must_use]
+    pub fn recommended(&self) -> Option<&VerifiedOptimum> {
+        self.ranked().next()
+    }
+}
+
+/// Whether an approach moves the variables that the DoE moves, so that its design can be compared with those
+/// of the others.
+#[must_use]
+pub fn is_ranked(problem: &Problem, approach: Approach) -> bool {
+    problem.dimension_of(approach) == problem.dimension()
+}
+
+/// How far the percentile of `samples` is worse than that of `best`.
+fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<OrderStatistic> {
+    let difference = problem.campaign().sampling.difference(samples, best)?;
+    let as_cost = |(low, high)| {
+        let (a, b) = (problem.cost(low), problem.cost(high));
+        (a.min(b), a.max(b))
+    };
+    Some(OrderStatistic {
+        value: problem.cost(difference.value),
+        interval: difference.interval.map(as_cost),
+        ..difference
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use campaign::file::Aim;
+    use campaign::optimise::Found;
+    use campaign::{Campaign, Criteria, Design};
+    use stages::cost::Cost;
+    use stats::reference::Reference;
+    use stats::streams::{Purpose, stream};
+
+    use super::*;
+
+    fn problem(aim: &str) -> Problem {
+        let text = include_str!("../../../campaigns/ishigami/campaign.toml");
+        let text = text.replace("aim = \"minimise\"", &format!("aim = \"{aim}\""));
+        Problem::new(Campaign::parse("campaign.toml", &text).unwrap())
+    }
+
+    fn samples(shift: f64) -> Vec<f64> {
+        let draw = |sample| Reference::Normal.draw(&mut stream(1, Purpose::Test, 0, sample));
+        (0..500).map(|sample| draw(sample) + shift).collect()
+    }
+
+    fn optima(problem: &Problem, samples: [Vec<f64>; 2]) -> Optima {
+        let found = Found {
+            design: Design::new(vec![0.0; problem.dimension()]),
+            criterion: 0.0,
+            criteria: Criteria::new(Vec::new()),
+            feasible: true,
+        };
+        let approaches = [Approach::Kriging, Approach::BestOfDoe];
+        let all = approaches
+            .into_iter()
+            .zip(samples)
+            .map(|(approach, samples)| {
+                let optimum = Optimum {
+                    approach,
+                    found: Ok(found.clone()),
+                    cost: Cost::default(),
+                    note: String::new(),
+                };
+                let wanted = samples.len();
+                (optimum, Some(Verification { samples, wanted }))
+            });
+        Optima::new(problem, all.collect())
+    }
+
+    fn low_end(optima: &Optima) -> Option<f64> {
+        let (low, _) = optima.ranked().nth(1)?.behind?.interval?;
+        Some(low)
+    }
+
+    #[test]
+    fn optima_are_ranked_by_the_aim_and_compared_by_shared_random_numbers() {
+        for (aim, sign) in [("minimise", 1.0), ("maximise", -1.0)] {
+            let problem = problem(aim);
+            assert_eq!(problem.aim() == Aim::Maximise, sign < 0.0);
+            let optima = optima(&problem, [samples(sign * 0.1), samples(0.0)]);
+            let best = optima.recommended().unwrap();
+            assert_eq!(best.optimum.approach, Approach::BestOfDoe);
+            assert_eq!(best.behind, None);
+            // Independent samples would not tell 0.1 from 0 with a standard error of 0.1 each.
+            assert!(low_end(&optima).unwrap() > 0.0);
+            let behind = optima.of(Approach::Kriging).unwrap().behind.unwrap();
+            assert!((behind.value - 0.1).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn optima_that_samples_do_not_tell_apart_are_not_called_different() {
+        let mut other = samples(0.0);
+        other.rotate_left(1);
+        let alike = optima(&problem("minimise"), [samples(0.0), other]);
+        assert!(low_end(&alike).unwrap() <= 0.0);
+        let few = optima(&problem("minimise"), [vec![1.0; 4], vec![2.0; 4]]);
+        assert_eq!(few.ranked().count(), 2);
+        assert_eq!(low_end(&few), None);
+    }
+}

@@ -1,0 +1,128 @@
+//! Percentiles with their confidence intervals, against a number.
+
+use stats::OrderStatistic;
+
+use super::{FULL, axis, draw};
+use crate::report::error::Error;
+use crate::report::svg::{Chart, Mark, Scale, Series};
+
+/// Percentiles of one kind, each at its abscissa.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PercentileSeries {
+    /// The entry in the legend.
+    pub name: String,
+    /// Abscissae, ascending, with the percentiles there.
+    pub points: Vec<(f64, OrderStatistic)>,
+}
+
+/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
+/// bars, one line per approach, as an SVG file.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a positive percentile.
+pub fn chart_teeth(percentile: &str, series: &[PercentileSeries]) -> Result<String, Error> {
+    let chart = Chart {
+        title: format!("{percentile} of ΔSTE at the optima, with 95 % intervals"),
+        x: axis("teeth of the pinion", Scale::Whole),
+        y: axis(format!("{percentile} of ΔSTE (µm)"), Scale::Log),
+        series: series
+            .iter()
+            .enumerate()
+            .flat_map(|(colour, one)| {
+                let line = Series {
+                    name: None,
+                    mark: Mark::Thin("2 3"),
+                    colour,
+                    points: middle(&one.points),
+                };
+                std::iter::once(line).chain(with_bars(&one.name, colour, &one.points))
+            })
+            .collect(),
+        size: [FULL[0], 420.0],
+    };
+    draw(
+        chart,
+        "percentile against the teeth",
+        "no approach found a feasible design",
+    )
+    .map(|picture| picture.standalone())
+}
+
+/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against another objective in MPa with its `limit`, as an SVG
+/// file: `designs` as dots, the non-dominated points `front`, ascending, joined by a staircase, and
+/// `series` with 95 % intervals as bars.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a positive percentile.
+pub fn chart_front(
+    percentile: &str,
+    against: &str,
+    limit: f64,
+    designs: &[[f64; 2]],
+    front: &[[f64; 2]],
+    series: &[PercentileSeries],
+) -> Result<String, Error> {
+    // Between two designs of a front nothing is known but that neither is better: a staircase.
+    let mut steps: Vec<[f64; 2]> = Vec::new();
+    for &[x, y] in front {
+        if let Some(&[_, last]) = steps.last() {
+            steps.push([x, last]);
+        }
+        steps.push([x, y]);
+    }
+    let one = |name: &str, mark, colour, points| Series {
+        name: Some(name.to_owned()),
+        mark,
+        colour,
+        points,
+    };
+    let mut all = vec![
+        one("designs of the DoE", Mark::Dots, 5, designs.to_vec()),
+        // Longer than any axis.
+        one("limit", Mark::Guide, 0, vec![[limit, 1e-9], [limit, 1e9]]),
+        one("front", Mark::Curve(""), 1, steps),
+    ];
+    let colours = [2, 0, 3, 4, 5];
+    all.extend(
+        series
+            .iter()
+            .zip(colours)
+            .flat_map(|(one, colour)| with_bars(&one.name, colour, &one.points)),
+    );
+    let chart = Chart {
+        title: format!("{percentile} of ΔSTE against {against}"),
+        x: axis(against, Scale::Linear),
+        y: axis(format!("{percentile} of ΔSTE (µm)"), Scale::Log),
+        series: all,
+        size: [FULL[0], 420.0],
+    };
+    draw(chart, "Pareto front", "no design satisfies the constraints")
+        .map(|picture| picture.standalone())
+}
+
+fn middle(points: &[(f64, OrderStatistic)]) -> Vec<[f64; 2]> {
+    points.iter().map(|(x, p90)| [*x, p90.value]).collect()
+}
+
+/// A ring for each percentile and a bar for its interval.
+fn with_bars(name: &str, colour: usize, points: &[(f64, OrderStatistic)]) -> Vec<Series> {
+    let bar = |(x, p90): &(f64, OrderStatistic)| {
+        let (low, high) = p90.interval?;
+        Some(Series {
+            name: None,
+            mark: Mark::Curve(""),
+            colour,
+            points: vec![[*x, low], [*x, high]],
+        })
+    };
+    let mut series: Vec<Series> = points.iter().filter_map(bar).collect();
+    series.push(Series {
+        name: Some(name.to_owned()),
+        mark: Mark::Rings,
+        colour,
+        points: middle(points),
+    });
+    // The bars last: they are shorter than a ring where samples are many.
+    series.rotate_right(1);
+    series
+}

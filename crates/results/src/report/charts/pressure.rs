@@ -1,0 +1,57 @@
+//! Contact pressure along the path of contact.
+
+use super::{HALF, axis, draw, same_length};
+use crate::report::data::PressureCurves;
+use crate::report::error::Error;
+use crate::report::number;
+use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+
+/// See [`super::chart_pressure`].
+pub(crate) fn pressure(curves: &PressureCurves) -> Result<Picture, Error> {
+    let mut series = Vec::new();
+    for (name, what, values, mark, colour) in [
+        (
+            "unworn",
+            "the unworn pressure curve",
+            &curves.unworn_mpa,
+            Mark::Curve(""),
+            0,
+        ),
+        (
+            "with Archard’s wear",
+            "the worn pressure curve",
+            &curves.worn_mpa,
+            Mark::Curve("8 3"),
+            1,
+        ),
+    ] {
+        if values.is_empty() {
+            continue;
+        }
+        same_length(what, &curves.place_mm, values)?;
+        let finite = values.iter().copied().filter(|v| v.is_finite());
+        let most = finite.fold(f64::NEG_INFINITY, f64::max);
+        series.push(Series {
+            name: Some(format!(
+                "{name}: at most {} MPa",
+                number::significant(most, 4)
+            )),
+            mark,
+            colour,
+            points: curves
+                .place_mm
+                .iter()
+                .zip(values)
+                .map(|(&s, &p)| [s, p])
+                .collect(),
+        });
+    }
+    let chart = Chart {
+        title: "Contact pressure along the path of contact".to_owned(),
+        x: axis("distance from the pitch point (mm)", Scale::Linear),
+        y: axis("largest pressure over the mesh (MPa)", Scale::Linear),
+        series,
+        size: HALF,
+    };
+    draw(chart, "pressure plot", "no curve has a finite value")
+}

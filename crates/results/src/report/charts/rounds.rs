@@ -1,0 +1,82 @@
+//! The rounds of an enrichment.
+
+use super::{HALF, axis, draw, with_unit};
+use crate::report::data::Enrichment;
+use crate::report::error::Error;
+use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+
+/// See [`super::chart_prediction`].
+pub(crate) fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Picture, Error> {
+    let line =
+        |name: &str, mark, colour, value: fn(&crate::report::EnrichmentRound) -> f64| Series {
+            name: (!name.is_empty()).then(|| name.to_owned()),
+            mark,
+            colour,
+            points: enrichment
+                .rounds
+                .iter()
+                .map(|round| [round.round as f64, value(round)])
+                .collect(),
+        };
+    let mut series = vec![
+        line("95 % interval", Mark::Thin("5 3"), 0, |r| r.low),
+        line("", Mark::Thin("5 3"), 0, |r| r.high),
+        line("prediction", Mark::Curve(""), 0, |r| r.predicted),
+    ];
+    if let (Some(verified), Some(last)) = (enrichment.verified_um, enrichment.rounds.last()) {
+        series.push(Series {
+            name: Some("verified".to_owned()),
+            mark: Mark::Rings,
+            colour: 1,
+            points: vec![[last.round as f64, verified]],
+        });
+    }
+    let chart = Chart {
+        title: format!("{percentile} of the recommended design"),
+        x: axis("round", Scale::Linear),
+        y: axis(with_unit(percentile, &enrichment.unit), Scale::Linear),
+        series,
+        size: HALF,
+    };
+    draw(chart, "prediction plot", "no round recommends a design")
+}
+
+/// See [`super::chart_expected_improvement`].
+pub(crate) fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, Error> {
+    let points: Vec<[f64; 2]> = enrichment
+        .rounds
+        .iter()
+        .map(|round| [round.round as f64, round.expected_improvement])
+        .collect();
+    let last = enrichment.rounds.last().map_or(1.0, |r| r.round as f64);
+    let tolerance = enrichment.tolerance_um;
+    let series = vec![
+        Series {
+            name: Some("tolerance".to_owned()),
+            mark: Mark::Thin("3 2"),
+            colour: 1,
+            points: vec![[1.0, tolerance], [last, tolerance]],
+        },
+        Series {
+            name: Some("expected improvement".to_owned()),
+            mark: Mark::Curve(""),
+            colour: 0,
+            points,
+        },
+    ];
+    let chart = Chart {
+        title: "What a further observation may gain".to_owned(),
+        x: axis("round", Scale::Linear),
+        y: axis(
+            with_unit("expected improvement", &enrichment.unit),
+            Scale::Log,
+        ),
+        series,
+        size: HALF,
+    };
+    draw(
+        chart,
+        "expected improvement plot",
+        "no round could tell what is to be gained",
+    )
+}

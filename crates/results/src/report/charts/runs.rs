@@ -1,0 +1,236 @@
+//! Lines over evaluations and over the mesh phase.
+
+use super::{HALF, axis, draw, same_length};
+use crate::report::data::{OptimiserRun, SteCurves};
+use crate::report::error::Error;
+use crate::report::number;
+use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+
+/// Dash patterns, so that lines differ by more than colour.
+const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
+
+/// Beyond this ratio of greatest to least, a linear axis would hide the end of a run: a start at a
+/// design that cannot be simulated counts 100, an optimum about one.
+const LOG_FROM_RATIO: f64 = 8.0;
+
+/// See [`super::chart_convergence`].
+pub(crate) fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error> {
+    let mut series = Vec::new();
+    let mut rings = Vec::new();
+    for (i, run) in runs.iter().enumerate() {
+        let points: Vec<[f64; 2]> = run
+            .best
+            .iter()
+            .filter(|(_, best)| best.is_finite())
+            .map(|&(evaluations, best)| [evaluations as f64, best])
+            .collect();
+        let restarts = run
+            .restarts
+            .iter()
+            .filter_map(|&at| value_at(&points, at as f64));
+        rings.push(Series {
+            name: None,
+            mark: Mark::Rings,
+            colour: i,
+            points: restarts.collect(),
+        });
+        series.push(Series {
+            name: Some(format!("start {}", run.start)),
+            mark: Mark::Curve(DASHES[i % DASHES.len()]),
+            colour: i,
+            points: steps(&points),
+        });
+    }
+    if let Some(ring) = rings.iter_mut().find(|ring| !ring.points.is_empty()) {
+        ring.name = Some("restart".to_owned());
+    }
+    let values = || series.iter().flat_map(|s| &s.points).map(|p| p[1]);
+    let least = values().fold(f64::INFINITY, f64::min);
+    let greatest = values().fold(f64::NEG_INFINITY, f64::max);
+    let scale = if least > 0.0 && greatest / least > LOG_FROM_RATIO {
+        Scale::Log
+    } else {
+        Scale::Linear
+    };
+    series.extend(rings);
+    let chart = Chart {
+        title: title.to_owned(),
+        x: axis("evaluations", Scale::Linear),
+        y: axis("best penalised objective", scale),
+        series,
+        size: HALF,
+    };
+    draw(
+        chart,
+        "convergence plot",
+        "no optimiser run recorded a finite value",
+    )
+}
+
+/// See [`super::chart_ste`].
+pub(crate) fn ste(curves: &SteCurves) -> Result<Picture, Error> {
+    let mut series = Vec::new();
+    let worn = (
+        "with Archard’s wear",
+        "the worn STE curve",
+        &curves.worn_um,
+        Mark::Curve("8 3"),
+        1,
+    );
+    let unworn = (
+        "unworn",
+        "the unworn STE curve",
+        &curves.unworn_um,
+        Mark::Curve(""),
+        0,
+    );
+    for (name, what, values, mark, colour) in [unworn, worn] {
+        if values.is_empty() {
+            continue;
+        }
+        same_length(what, &curves.phase, values)?;
+        let finite = || values.iter().copied().filter(|v| v.is_finite());
+        let mean = finite().sum::<f64>() / finite().count().max(1) as f64;
+        let (low, high) = (
+            finite().fold(f64::INFINITY, f64::min),
+            finite().fold(f64::NEG_INFINITY, f64::max),
+        );
+        series.push(Series {
+            name: Some(format!(
+                "{name}: mean {} µm, ΔSTE {} µm",
+                number::significant(mean, 3),
+                number::significant(high - low, 3)
+            )),
+            mark,
+            colour,
+            points: curves
+                .phase
+                .iter()
+                .zip(values)
+                .map(|(&p, &v)| [p, v - mean])
+                .collect(),
+        });
+    }
+    let chart = Chart {
+        title: "Static transmission error over one mesh period".to_owned(),
+        x: axis("mesh phase (periods)", Scale::Linear),
+        y: axis("STE about its mean (µm)", Scale::Linear),
+        series,
+        size: HALF,
+    };
+    draw(
+        chart,
+        "static transmission error plot",
+        "no curve has a finite value",
+    )
+}
+
+/// The most harmonics of the mesh frequency that are shown.
+const ORDERS: usize = 8;
+
+/// The amplitudes of the static transmission error at multiples of the mesh frequency.
+pub(crate) fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
+    let mut series = Vec::new();
+    let kinds = [
+        ("unworn", &curves.unworn_um, 0),
+        ("with Archard’s wear", &curves.worn_um, 1),
+    ];
+    for (name, values, colour) in kinds {
+        // The last point of a closed curve is the first one again.
+        let Some((_, period)) = values.split_last() else {
+            continue;
+        };
+        // At the frequency of every other point an amplitude has no meaning.
+        let orders = ORDERS.min(period.len().saturating_sub(1) / 2);
+        let points = (1..=orders).map(|n| [n as f64, amplitude(period, n)]);
+        let points: Vec<[f64; 2]> = points.collect();
+        series.extend(points.iter().map(|&[x, y]| Series {
+            name: None,
+            mark: Mark::Guide,
+            colour,
+            points: vec![[x, 0.0], [x, y]],
+        }));
+        series.push(Series {
+            name: Some(name.to_owned()),
+            mark: Mark::Rings,
+            colour,
+            points,
+        });
+    }
+    let chart = Chart {
+        title: "Spectrum of the static transmission error".to_owned(),
+        x: axis("mesh order", Scale::Whole),
+        y: axis("amplitude (µm)", Scale::Linear),
+        series,
+        size: HALF,
+    };
+    draw(
+        chart,
+        "spectrum of the static transmission error",
+        "no curve has a finite value",
+    )
+}
+
+/// The amplitude of the `order`-th harmonic of evenly spaced values over one period.
+fn amplitude(period: &[f64], order: usize) -> f64 {
+    let n = period.len() as f64;
+    let step = std::f64::consts::TAU * order as f64 / n;
+    let part = |f: fn(f64) -> f64| {
+        let terms = period
+            .iter()
+            .enumerate()
+            .map(|(k, v)| v * f(step * k as f64));
+        terms.sum::<f64>()
+    };
+    2.0 / n * part(f64::cos).hypot(part(f64::sin))
+}
+
+/// A staircase through the points: a best value holds until the next one.
+fn steps(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let mut out: Vec<[f64; 2]> = Vec::with_capacity(2 * points.len());
+    for (i, &point) in points.iter().enumerate() {
+        let last = i + 1 == points.len();
+        match out.last().copied() {
+            // Only the end of a plateau matters.
+            Some(before) if before[1] == point[1] && !last => {}
+            Some(before) => out.extend([[point[0], before[1]], point]),
+            None => out.push(point),
+        }
+    }
+    out
+}
+
+/// The best value once `at` evaluations are done.
+fn value_at(points: &[[f64; 2]], at: f64) -> Option<[f64; 2]> {
+    points
+        .iter()
+        .take_while(|p| p[0] <= at)
+        .last()
+        .map(|p| [at, p[1]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn harmonics_have_their_own_amplitudes() {
+        let wave = |k: u32| {
+            let t = std::f64::consts::TAU * f64::from(k) / 24.0;
+            5.0 + 0.7 * (t + 0.3).cos() + 0.2 * (3.0 * t).sin()
+        };
+        let period: Vec<f64> = (0..24).map(wave).collect();
+        for (order, expected) in [(1, 0.7), (2, 0.0), (3, 0.2)] {
+            assert!((amplitude(&period, order) - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_plateau_costs_no_points() {
+        let points = [[1.0, 9.0], [2.0, 9.0], [3.0, 4.0], [4.0, 4.0], [5.0, 4.0]];
+        let expected = [[1.0, 9.0], [3.0, 9.0], [3.0, 4.0], [5.0, 4.0], [5.0, 4.0]];
+        assert_eq!(steps(&points), expected);
+        assert_eq!(value_at(&points, 4.5), Some([4.5, 4.0]));
+        assert_eq!(value_at(&points, 0.5), None);
+    }
+}

@@ -1,0 +1,120 @@
+//! Cost against error, with the Pareto front, the campaign's settings and the recommended one.
+
+use super::{axis, draw};
+use crate::report::error::Error;
+use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+
+/// Wide enough for two beside each other, and high enough for a legend of several lines.
+const SIZE: [f64; 2] = [480.0, 420.0];
+/// Colours of the palette; more series than that repeat them with rings instead of dots.
+const COLOURS: usize = 6;
+
+/// One method in a chart of cost against error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TradeoffSeries {
+    /// Its entry in the legend.
+    pub name: String,
+    /// Cost and error of its settings.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// A chart of cost against error, on logarithmic axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TradeoffChart {
+    /// The name of its files, without an ending.
+    pub file: String,
+    /// Shown above it.
+    pub title: String,
+    /// The cost, with its unit.
+    pub cost: String,
+    /// The error, with its unit.
+    pub error: String,
+    /// The methods.
+    pub series: Vec<TradeoffSeries>,
+    /// The Pareto front, by rising cost.
+    pub front: Vec<[f64; 2]>,
+    /// The settings of the campaign.
+    pub campaign: Vec<[f64; 2]>,
+    /// The recommended setting.
+    pub recommended: Option<[f64; 2]>,
+    /// The sentence that says why.
+    pub recommendation: String,
+}
+
+/// See [`super::chart_tradeoff`].
+pub(crate) fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
+    let marked = |name: &str, mark, colour, points: Vec<[f64; 2]>| Series {
+        name: Some(name.to_owned()),
+        mark,
+        colour,
+        points,
+    };
+    let mut series = vec![marked(
+        "Pareto front",
+        Mark::Thin("5 3"),
+        1,
+        chart.front.clone(),
+    )];
+    series.extend(chart.series.iter().enumerate().map(|(i, one)| {
+        let mark = if i < COLOURS {
+            Mark::Points
+        } else {
+            Mark::Rings
+        };
+        marked(&one.name, mark, i % COLOURS, one.points.clone())
+    }));
+    series.push(marked(
+        "campaign",
+        Mark::Halo(6.5),
+        3,
+        chart.campaign.clone(),
+    ));
+    let recommended = chart.recommended.into_iter().collect();
+    series.push(marked("recommended", Mark::Halo(9.5), 1, recommended));
+    draw(
+        Chart {
+            title: chart.title.clone(),
+            x: axis(chart.cost.clone(), Scale::Log),
+            y: axis(chart.error.clone(), Scale::Log),
+            series,
+            size: SIZE,
+        },
+        "chart of cost against error",
+        "no setting has a positive cost and a positive error",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn front_campaign_and_recommendation_are_drawn_over_the_methods() {
+        let mut chart = TradeoffChart {
+            file: "a".to_owned(),
+            title: "A".to_owned(),
+            cost: "µs a sample".to_owned(),
+            error: "error, %".to_owned(),
+            series: vec![TradeoffSeries {
+                name: "grid".to_owned(),
+                points: vec![[1.0, 2.0], [2.0, 1.0], [3.0, 1.5]],
+            }],
+            front: vec![[1.0, 2.0], [2.0, 1.0]],
+            campaign: vec![[3.0, 1.5]],
+            recommended: Some([2.0, 1.0]),
+            recommendation: String::new(),
+        };
+        let svg = tradeoff(&chart).unwrap().standalone();
+        for name in ["Pareto front", "grid", "campaign", "recommended"] {
+            assert!(svg.contains(name), "no {name}");
+        }
+        // Each halo once in the chart and once in the legend.
+        assert_eq!(svg.matches("class=\"halo s1\"").count(), 2);
+        assert_eq!(svg.matches("class=\"halo s3\"").count(), 2);
+        chart.recommended = None;
+        let svg = tradeoff(&chart).unwrap().standalone();
+        assert!(!svg.contains("recommended"));
+        (chart.series, chart.front, chart.campaign) = (Vec::new(), Vec::new(), Vec::new());
+        assert!(matches!(tradeoff(&chart), Err(Error::NothingToDraw { .. })));
+    }
+}

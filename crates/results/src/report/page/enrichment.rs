@@ -1,0 +1,102 @@
+//! The enrichment: what its rounds did, and how its prediction fared.
+
+use super::figure::{Figure, figure};
+use crate::report::charts;
+use crate::report::data::Enrichment;
+use crate::report::error::Error;
+use crate::report::number::{count, significant};
+use crate::report::summary::with_unit;
+
+/// The section of the page.
+pub(super) struct EnrichmentView {
+    pub(super) sentences: Vec<String>,
+    pub(super) prediction: Figure,
+    pub(super) expected: Figure,
+}
+
+impl EnrichmentView {
+    pub(super) fn new(enrichment: &Enrichment, percentile: &str) -> Result<Self, Error> {
+        let sentences = [
+            effort(enrichment),
+            outcome(enrichment, percentile),
+            enrichment.stop.clone(),
+        ];
+        Ok(Self {
+            sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
+            prediction: figure(
+                "enrichment-prediction",
+                charts::prediction(enrichment, percentile),
+            )?,
+            expected: figure(
+                "enrichment-expected",
+                charts::expected_improvement(enrichment),
+            )?,
+        })
+    }
+}
+
+/// How many points and samples.
+fn effort(enrichment: &Enrichment) -> String {
+    let rounds = &enrichment.rounds;
+    if rounds.is_empty() {
+        return "No round has been decided yet.".to_owned();
+    }
+    let samples: u64 = rounds.iter().map(|round| round.samples).sum();
+    let failed: u64 = rounds.iter().map(|round| round.failed).sum();
+    let mut text = format!(
+        "{} rounds asked for {} new designs and {} further turns at designs that were there: {} \
+         samples beside the {} of the DoE, {} in all.",
+        rounds.len(),
+        count(rounds.iter().map(|round| round.new_designs).sum()),
+        count(rounds.iter().map(|round| round.further_turns).sum()),
+        count(samples),
+        count(enrichment.doe_samples),
+        count(samples + enrichment.doe_samples),
+    );
+    if failed > 0 {
+        text += &format!(" {} of the points failed.", count(failed));
+    }
+    let ruled_out: u64 = rounds.iter().map(|round| round.ruled_out).sum();
+    if ruled_out > 0 {
+        text += &format!(
+            " {} of the points broke a constraint and got no samples.",
+            count(ruled_out)
+        );
+    }
+    text
+}
+
+/// What was predicted and what came of it.
+fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
+    let Some(last) = enrichment.rounds.last() else {
+        return String::new();
+    };
+    if !last.predicted.is_finite() {
+        return String::new();
+    }
+    let shown = |value: f64| with_unit(value, 4, &enrichment.unit);
+    let mut text = format!(
+        "The model predicts a {percentile} of {} (95 % interval {} to {}) for the design that it \
+         recommends.",
+        shown(last.predicted),
+        significant(last.low, 4),
+        shown(last.high),
+    );
+    if let (Some(verified), Some((low, high))) =
+        (enrichment.verified_um, enrichment.interval_of_estimate_um)
+    {
+        let lies = if (low..=high).contains(&verified) {
+            "lies within"
+        } else {
+            "lies outside"
+        };
+        text += &format!(
+            " Verification samples give {}, which {lies} the interval that it gives for an estimate from \
+             that many, {} to {}.",
+            shown(verified),
+            significant(low, 4),
+            shown(high),
+        );
+    }
+    text
+}

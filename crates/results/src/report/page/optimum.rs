@@ -1,0 +1,172 @@
+//! One design: its gears, its transmission error and its contact.
+
+use campaign::Approach;
+use campaign::optimise::Found;
+
+use super::figure::{Figure, figure};
+use super::rows;
+use crate::optima::VerifiedOptimum;
+use crate::report::charts;
+use crate::report::data::{GearData, Illustration, PrintedDesign, ReportData};
+use crate::report::error::Error;
+use crate::report::number::{MISSING, capitalised, fixed, significant};
+use crate::report::paper;
+use crate::report::quantity::{approach_name, criterion_name};
+use crate::report::summary::digits_of;
+use crate::report::svg::Picture;
+use crate::report::symbols;
+
+/// The section of one design.
+pub(super) struct OptimumView {
+    pub(super) anchor: String,
+    pub(super) title: String,
+    pub(super) summary: String,
+    /// The paper's figure of the same design, and what is printed with it.
+    pub(super) printed: Option<(u8, String)>,
+    pub(super) failed: bool,
+    /// Charts and drawings that there are.
+    pub(super) figures: Vec<Figure>,
+    /// What the figures show, in words.
+    pub(super) caption: String,
+}
+
+impl OptimumView {
+    /// The design that an approach found, whose number is `index`.
+    pub(super) fn new(
+        index: usize,
+        verified: &VerifiedOptimum,
+        data: &ReportData,
+        gears: &GearData,
+    ) -> Result<Self, Error> {
+        let approach = verified.optimum.approach;
+        let label = approach_name(&data.problem, approach);
+        let anchor = format!("optimum-{}", index + 1);
+        let found = verified.optimum.found_or_sentence();
+        let is_missing = found.is_err();
+        let (summary, figures) = match found {
+            Err(reason) => (format!("This approach has no design: {reason}"), Vec::new()),
+            Ok(found) => {
+                let name = format!("Optimum of the approach “{label}”");
+                let named = named(&name, &found.design.gears().values());
+                let illustration = gears.illustrations.get(&approach);
+                (
+                    summary(verified, found, illustration, &data.header.percentile),
+                    match illustration {
+                        Some(illustration) => figures(&anchor, &named, illustration)?,
+                        None => Vec::new(),
+                    },
+                )
+            }
+        };
+        let row = paper::approach(approach).filter(|_| gears.compare_with_paper);
+        Ok(Self {
+            anchor,
+            title: label.to_owned(),
+            summary,
+            printed: row
+                .and_then(|row| Some((row.figure, caption(paper::printed(row.figure)?)))),
+            failed: is_missing,
+            figures,
+            caption: "The gears near the contact, to scale, and in axonometric view; the static transmission \
+                      error over one mesh period, each curve about its own mean, and its spectrum; the pressure \
+                      with which each place of the flank carries load."
+                .to_owned(),
+        })
+    }
+
+    /// A design of the paper that no approach has; `None` without a drawing.
+    pub(super) fn of_paper(design: &PrintedDesign) -> Result<Option<Self>, Error> {
+        let Some(illustration) = &design.illustration else {
+            return Ok(None);
+        };
+        let printed = paper::printed(design.figure).ok_or(Error::UnknownFigure {
+            figure: design.figure,
+        })?;
+        let anchor = format!("figure-{}", design.figure);
+        let title = capitalised(printed.name);
+        let named = named(&format!("{title} of the paper"), &printed.variables);
+        Ok(Some(Self {
+            summary: "The paper’s design, on this model.".to_owned(),
+            printed: Some((design.figure, caption(printed))),
+            failed: false,
+            figures: figures(&anchor, &named, illustration)?,
+            caption: "The gears near the contact, to scale, and in axonometric view; the static transmission \
+                      error over one mesh period, each curve about its own mean, and its spectrum."
+                .to_owned(),
+            anchor,
+            title,
+        }))
+    }
+
+    /// The paper's figure, for the order of the sections; the greatest number for a design that the paper
+    /// does not have.
+    pub(super) fn place(approach: Approach) -> u8 {
+        paper::approach(approach).map_or(u8::MAX, |row| row.figure)
+    }
+}
+
+/// A design with its variables, for those who do not see a chart.
+fn named(name: &str, variables: &[f64; 11]) -> String {
+    format!("{name}, {}", symbols::design(variables))
+}
+
+fn figures(anchor: &str, design: &str, shown: &Illustration) -> Result<Vec<Figure>, Error> {
+    let contact = shown.contact.as_ref();
+    let all: [(&str, Option<Result<Picture, Error>>); 5] = [
+        ("gears", Some(charts::gears(&shown.drawing))),
+        ("axonometric", Some(charts::solid(&shown.drawing))),
+        ("ste", Some(charts::ste(&shown.ste))),
+        ("spectrum", Some(charts::spectrum(&shown.ste))),
+        ("contact", contact.map(charts::contact)),
+    ];
+    let figures = all.into_iter().filter_map(|(name, picture)| {
+        let picture = picture?.map(|picture| picture.of(design));
+        Some(figure(&format!("{anchor}-{name}"), picture))
+    });
+    figures.collect()
+}
+
+fn summary(
+    verified: &VerifiedOptimum,
+    found: &Found,
+    illustration: Option<&Illustration>,
+    percentile: &str,
+) -> String {
+    let converged = illustration.and_then(|shown| shown.converged_difference_um);
+    let converged = converged.map_or_else(String::new, |value| {
+        format!(" ({} µm on the converged grid)", rows::difference(value))
+    });
+    let p90 = verified.percentile;
+    let p90 = p90.map(|p90| significant(p90.value, digits_of(&p90)));
+    format!(
+        "{} {} µm, verified {percentile} {} µm{converged}; {}.",
+        capitalised(&criterion_name(verified.optimum.approach, percentile)),
+        significant(found.criterion, 3),
+        p90.as_deref().unwrap_or(MISSING),
+        if found.feasible {
+            "feasible"
+        } else {
+            "infeasible"
+        },
+    )
+}
+
+/// What the paper prints with a design.
+fn caption(design: &paper::PrintedDesign) -> String {
+    let p90 = design.p90_um.map_or_else(String::new, |value| {
+        format!(", P90 {} µm from 500 samples", fixed(value, 2))
+    });
+    format!(
+        "{}; r_c {}, g_s {}, σ_vm {} MPa, p_H {} MPa; {} {} µm{p90}.",
+        symbols::design(&design.variables),
+        fixed(design.contact_ratio, 2),
+        fixed(
+            design.specific_slip,
+            if design.specific_slip < 100.0 { 2 } else { 0 }
+        ),
+        fixed(design.von_mises_mpa, 0),
+        fixed(design.pressure_mpa, 0),
+        design.criterion,
+        fixed(design.criterion_um, 2),
+    )
+}

@@ -1,0 +1,67 @@
+//! Names of what a problem has, as pages show them.
+
+use campaign::Approach;
+use campaign::formulation::{Design, Problem};
+
+use crate::report::symbols::symbol;
+
+/// A number with its name and unit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedValue {
+    /// The name.
+    pub name: String,
+    /// The unit; empty for a number without one.
+    pub unit: String,
+    /// The number.
+    pub value: f64,
+}
+
+/// The name of a variable: its symbol for gears, its own name for other problems.
+#[must_use]
+pub fn variable_name(problem: &Problem, name: &str) -> String {
+    match problem.gears() {
+        Some(_) => symbol(name),
+        None => name.to_owned(),
+    }
+}
+
+/// The name of an approach, as headings and table rows use it.
+#[must_use]
+pub fn approach_name(problem: &Problem, approach: Approach) -> &'static str {
+    if problem.gears().is_none() {
+        return problem.approach_name(approach);
+    }
+    match approach {
+        Approach::Nominal => "Without wear",
+        Approach::Baseline => "Archard’s wear",
+        Approach::Kriging => "Kriging",
+        Approach::BestOfDoe => "Best of the DoE",
+        Approach::EnrichedKriging => "Enriched kriging",
+        Approach::Direct => "Direct search",
+    }
+}
+
+/// What an approach to the design of gears minimises; `percentile` is its name.
+pub(crate) fn criterion_name(approach: Approach, percentile: &str) -> String {
+    match approach {
+        Approach::Nominal => "ΔSTE without wear".to_owned(),
+        Approach::Baseline => "ΔSTE with Archard’s wear".to_owned(),
+        Approach::Kriging => format!("kriging mean of {percentile}"),
+        Approach::EnrichedKriging => format!("kriging prediction of {percentile} after infill"),
+        Approach::BestOfDoe => format!("{percentile} estimated in the DoE"),
+        Approach::Direct => format!("{percentile} from the search’s own samples"),
+    }
+}
+
+/// The variables of a design with their names and units.
+#[must_use]
+pub fn variables(problem: &Problem, design: &Design) -> Vec<NamedValue> {
+    let variables = problem.variables().iter().zip(design.values());
+    variables
+        .map(|(variable, value)| NamedValue {
+            name: variable_name(problem, &variable.name),
+            unit: variable.unit.to_string(),
+            value: *value,
+        })
+        .collect()
+}

@@ -1,0 +1,106 @@
+//! The head of a report: what was put in, what is missing, and what the recommended number leaves out.
+
+use campaign::file::GearSections;
+use campaign::formulation::Problem;
+
+use crate::report::variable_name;
+use crate::status::{Progress, Status};
+
+/// What an unfinished campaign lacks.
+pub(super) fn missing(status: &Status) -> Vec<String> {
+    if status.finished {
+        return Vec::new();
+    }
+    let of = |progress: Progress, what: &str| {
+        let Progress { done, wanted } = progress;
+        (done < wanted).then(|| format!("{done} of {wanted} {what}"))
+    };
+    let designs = Progress {
+        done: status.designs.done,
+        wanted: status.designs.wanted,
+    };
+    let verified = status.verified();
+    let complete = status
+        .optima
+        .iter()
+        .any(|o| o.verified.wanted > 0 && o.verified.done >= o.verified.wanted);
+    let verified = if complete {
+        of(verified, "verification samples taken")
+    } else {
+        Some("no optimum verified yet".to_owned())
+    };
+    [
+        of(designs, "designs sampled"),
+        of(status.optimiser_runs, "optimiser runs done"),
+        verified,
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// What the campaign file says, for a reader who does not have it.
+pub(super) fn inputs(problem: &Problem) -> Vec<(String, String)> {
+    let mut inputs: Vec<(String, String)> = Vec::new();
+    if let Some(sections) = problem.campaign().gears() {
+        gears(sections, &mut inputs);
+    }
+    let ranges = problem.coordinates().iter().map(|coordinate| {
+        let [low, high] = coordinate.range;
+        let range = format!("{low} to {high} {}", coordinate.unit).replace('-', "−");
+        (
+            variable_name(problem, &coordinate.name),
+            range.trim_end().to_owned(),
+        )
+    });
+    inputs.extend(ranges.map(|(name, range)| (format!("Range of {name}"), range)));
+    inputs
+}
+
+fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
+    let pair = &sections.pair;
+    let mut add = |label: &str, value: String| inputs.push((label.to_owned(), value));
+    let [pinion, mate] = pair.teeth();
+    add("Teeth", format!("{pinion} / {mate}"));
+    if let Some(module) = pair.normal_module_mm {
+        add("Normal module", format!("{module} mm"));
+    }
+    if let Some(distance) = pair.centre_distance_mm {
+        add("Centre distance", format!("{distance} mm"));
+    }
+    add("Pressure angle", format!("{}°", pair.pressure_angle_deg));
+    add("Face width", format!("{} mm", pair.face_width_mm));
+    let torque = sections.load.pinion_torque_nm;
+    add("Torque on the pinion", format!("{torque} N·m"));
+    let material = &sections.material;
+    let name = material
+        .name
+        .map_or_else(String::new, |name| format!("{name}: "));
+    let (e, nu) = (material.youngs_modulus_gpa, material.poisson_ratio);
+    let (yields, pressure) = (material.yield_mpa, material.hertz_limit_mpa);
+    add(
+        "Material",
+        format!(
+            "{name}E {e} GPa, ν {nu}, yield stress {yields} MPa, permissible pressure {pressure} MPa"
+        ),
+    );
+}
+
+/// What the recommended number does not include.
+pub(super) fn left_out(problem: &Problem) -> String {
+    let campaign = problem.campaign();
+    let Some(sections) = campaign.gears() else {
+        return String::new();
+    };
+    let manufacture = match sections.manufacture {
+        Some(_) => "pitch and form deviations",
+        None => "deviations of manufacture",
+    };
+    if campaign.is_external() {
+        return String::new();
+    }
+    format!(
+        "{manufacture}, dynamics, friction, misalignment, and the deflection of shafts, bearings and \
+         gear bodies."
+    )
+}

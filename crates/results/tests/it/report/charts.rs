@@ -1,0 +1,319 @@
+//! The charts as files of their own, and data that charts often break on.
+
+use campaign::Approach;
+
+use super::data::plausible;
+use super::markup::{check, element_count};
+use results::report::*;
+
+/// All coordinates of the path commands, circles and texts of a picture.
+fn coordinates(svg: &str) -> Vec<f64> {
+    let attributes = [" d=\"", " cx=\"", " cy=\"", " x=\"", " y=\"", " points=\""];
+    attributes
+        .iter()
+        .flat_map(|name| svg.split(name).skip(1))
+        .map(|rest| rest.split('"').next().unwrap())
+        .flat_map(|value| value.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-')))
+        .filter(|number| !number.is_empty())
+        .map(|number| {
+            number
+                .parse()
+                .unwrap_or_else(|_| panic!("{number} in a coordinate"))
+        })
+        .collect()
+}
+
+/// A well-formed picture whose every coordinate lies in its view box.
+fn check_picture(svg: &str) {
+    check(svg);
+    assert!(svg.starts_with("<svg xmlns=\"http://www.w3.org/2000/svg\""));
+    assert!(svg.contains("role=\"img\"") && svg.contains("<title>") && svg.contains("<style>"));
+    assert!(!svg.contains("NaN") && !svg.contains("inf"));
+    let size = svg
+        .split("viewBox=\"0 0 ")
+        .nth(1)
+        .unwrap()
+        .split(' ')
+        .next()
+        .unwrap();
+    let size: f64 = size.parse().unwrap();
+    for value in coordinates(svg) {
+        assert!(
+            (-0.1..=size + 0.1).contains(&value),
+            "{value} is outside the picture"
+        );
+    }
+}
+
+#[test]
+fn every_chart_is_a_picture_of_its_own() {
+    let report = plausible();
+    let data = report.gears.unwrap();
+    let optimum = &data.illustrations[&Approach::Nominal];
+    let pictures = [
+        chart_wear(data.wear.as_ref().unwrap()).unwrap(),
+        chart_responses(
+            &data.doe,
+            "P90",
+            Response::Unworn,
+            Response::Percentile,
+            Extent::Full,
+        )
+        .unwrap(),
+        chart_responses(
+            &data.doe,
+            "P90",
+            Response::Unworn,
+            Response::Percentile,
+            Extent::Logarithmic,
+        )
+        .unwrap(),
+        chart_responses(
+            &data.doe,
+            "P90",
+            Response::Archard,
+            Response::Percentile,
+            Extent::Zoom,
+        )
+        .unwrap(),
+        chart_leave_one_out(&report.kriging.unwrap()).unwrap(),
+        chart_convergence("Without wear", &data.runs[&Approach::Nominal]).unwrap(),
+        chart_gears(&optimum.drawing).unwrap(),
+        chart_ste(&optimum.ste).unwrap(),
+        chart_solid(&optimum.drawing).unwrap(),
+        chart_contact(optimum.contact.as_ref().unwrap()).unwrap(),
+    ];
+    for picture in &pictures {
+        check_picture(picture);
+    }
+}
+
+#[test]
+fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
+    let data = plausible().gears.unwrap();
+    let svg = chart_responses(
+        &data.doe,
+        "P90",
+        Response::Unworn,
+        Response::Archard,
+        Extent::Full,
+    )
+    .unwrap();
+    assert_eq!(svg.matches("h0").count(), data.doe.len());
+    assert!(
+        svg.len() < 16 * data.doe.len() + 6000,
+        "{} bytes",
+        svg.len()
+    );
+}
+
+#[test]
+fn a_zoom_shows_part_of_the_designs() {
+    let data = plausible().gears.unwrap();
+    let dots = |extent| {
+        let svg = chart_responses(
+            &data.doe,
+            "P90",
+            Response::Archard,
+            Response::Percentile,
+            extent,
+        )
+        .unwrap();
+        svg.matches("h0").count()
+    };
+    let (all, part) = (dots(Extent::Full), dots(Extent::Zoom));
+    // A fifth of each coordinate, strongly correlated, and the axes end on round values beyond.
+    assert!(part > all / 8 && part < all / 2, "{part} of {all}");
+}
+
+#[test]
+fn points_that_cannot_be_shown_are_skipped() {
+    let point = |a, b| DoePoint {
+        delta_ste_um: a,
+        delta_ste_archard_um: b,
+        p90_um: b,
+    };
+    let doe = [
+        point(1.0, 2.0),
+        point(f64::NAN, 2.0),
+        point(2.0, f64::INFINITY),
+        point(-1.0, 3.0),
+        point(0.0, 3.0),
+        point(f64::MAX, 3.0),
+    ];
+    let dots = |extent| {
+        let svg =
+            chart_responses(&doe, "P90", Response::Unworn, Response::Archard, extent).unwrap();
+        check_picture(&svg);
+        svg.matches("h0").count()
+    };
+    assert_eq!(dots(Extent::Full), 3);
+    assert_eq!(dots(Extent::Logarithmic), 1);
+    assert!(matches!(
+        chart_responses(
+            &doe[1..3],
+            "P90",
+            Response::Unworn,
+            Response::Archard,
+            Extent::Full
+        ),
+        Err(Error::NothingToDraw { .. })
+    ));
+}
+
+#[test]
+fn awkward_ranges_still_give_pictures() {
+    for values in [
+        [0.0, 0.0],
+        [5.0, 5.0],
+        [1e-12, 1e-9],
+        [1e12, 3e12],
+        [-4.0, 1e5],
+        [1.0, 1.0 + 1e-14],
+    ] {
+        let curves = SteCurves {
+            phase: vec![0.0, 1.0],
+            unworn_um: values.to_vec(),
+            worn_um: Vec::new(),
+        };
+        check_picture(&chart_ste(&curves).unwrap());
+    }
+}
+
+#[test]
+fn a_run_without_values_is_nothing_to_draw() {
+    let mut runs = plausible().gears.unwrap().runs;
+    let runs = runs.get_mut(&Approach::Nominal).unwrap();
+    for run in &mut *runs {
+        run.best = vec![(1, f64::INFINITY)];
+        run.restarts = vec![1, 6000];
+    }
+    assert!(matches!(
+        chart_convergence("one", runs),
+        Err(Error::NothingToDraw { .. })
+    ));
+    runs[1].best = vec![(1, f64::INFINITY), (7, 3.0)];
+    check_picture(&chart_convergence("one", runs).unwrap());
+}
+
+#[test]
+fn gears_are_drawn_to_one_scale_in_both_directions() {
+    // A square of 8 mm about the pitch point of two gears 100 mm apart.
+    let drawing = GearDrawing {
+        pinion: GearOutline {
+            outline: vec![[46.0, -4.0], [54.0, -4.0], [54.0, 4.0], [46.0, 4.0]],
+            centre: [0.0, 0.0],
+            pitch_radius_mm: Some(50.0),
+            base_radius_mm: None,
+        },
+        mate: GearOutline {
+            outline: Vec::new(),
+            centre: [100.0, 0.0],
+            pitch_radius_mm: Some(50.0),
+            base_radius_mm: Some(f64::NAN),
+        },
+        line_of_action: None,
+        face_width_mm: 10.0,
+        twist_rad: [0.0; 2],
+    };
+    let svg = chart_gears(&drawing).unwrap();
+    check_picture(&svg);
+    let outlines: Vec<&str> = svg.split("class=\"curve s0\" d=\"").skip(1).collect();
+    // The outline comes first, its legend sample second.
+    let corners = coordinates(&format!(" d=\"{}", outlines[0].split('>').next().unwrap()));
+    let (x, y): (Vec<f64>, Vec<f64>) = corners.chunks(2).map(|c| (c[0], c[1])).unzip();
+    let extent = |v: &[f64]| {
+        v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min)
+    };
+    // 460 px show 2 · 0.26 · 100 mm; coordinates are rounded to a tenth of a pixel.
+    let expected = 8.0 * 460.0 / 52.0;
+    assert!((extent(&x) - expected).abs() < 0.21, "{}", extent(&x));
+    assert!((extent(&y) - expected).abs() < 0.21, "{}", extent(&y));
+    assert_eq!(element_count(&svg, "svg"), 1);
+}
+
+#[test]
+fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
+    let gear = |x: f64, outline: Vec<[f64; 2]>| GearOutline {
+        outline,
+        centre: [x, 0.0],
+        pitch_radius_mm: None,
+        base_radius_mm: None,
+    };
+    let far = GearDrawing {
+        pinion: gear(0.0, vec![[-50.0, 0.0], [-50.0, 1.0]]),
+        mate: gear(100.0, Vec::new()),
+        line_of_action: None,
+        face_width_mm: 10.0,
+        twist_rad: [0.0; 2],
+    };
+    assert!(matches!(
+        chart_gears(&far),
+        Err(Error::NothingToDraw { .. })
+    ));
+    let none = GearDrawing {
+        pinion: gear(0.0, vec![[f64::NAN, 0.0]]),
+        ..far
+    };
+    assert!(matches!(
+        chart_gears(&none),
+        Err(Error::NothingToDraw { .. })
+    ));
+}
+
+#[test]
+fn a_contact_pattern_leaves_blank_what_carries_no_load() {
+    let data = plausible().gears.unwrap();
+    let optimum = &data.illustrations[&Approach::Nominal];
+    let mut pattern = optimum.contact.clone().unwrap();
+    let svg = chart_contact(&pattern).unwrap();
+    let loaded = pattern.pressure_mpa.iter().flatten().filter(|p| **p > 0.0);
+    let loaded = loaded.count();
+    // A rectangle of the drawing for each loaded place.
+    let cells = svg.split("class=\"cell ").skip(1);
+    let cells: usize = cells
+        .map(|rest| rest.split("/>").next().unwrap().matches('Z').count())
+        .sum();
+    assert_eq!(cells, loaded);
+    assert!(loaded < 40 && svg.contains(&format!("{:.0} % of the flank", 2.5 * loaded as f64)));
+    pattern.pressure_mpa[3].pop();
+    assert!(matches!(
+        chart_contact(&pattern),
+        Err(Error::LengthMismatch {
+            expected: 5,
+            found: 4,
+            ..
+        })
+    ));
+    pattern.pressure_mpa = vec![vec![0.0; 5]; 8];
+    assert!(matches!(
+        chart_contact(&pattern),
+        Err(Error::NothingToDraw { .. })
+    ));
+}
+
+#[test]
+fn a_helix_shows_in_the_axonometric_view() {
+    let data = plausible().gears.unwrap();
+    let optimum = &data.illustrations[&Approach::Nominal];
+    let mut drawing = optimum.drawing.clone();
+    let helical = chart_solid(&drawing).unwrap();
+    // Both near end faces, on top of everything else, and the legend's samples.
+    assert_eq!(helical.matches("class=\"solid g0e\"").count(), 2);
+    let walls = helical.rfind("class=\"solid g00\"").unwrap();
+    assert!(walls < helical.find("class=\"solid g0e\"").unwrap());
+    drawing.twist_rad = [0.0; 2];
+    let spur = chart_solid(&drawing).unwrap();
+    // Helical teeth are drawn in layers, spur teeth in one.
+    assert!(
+        spur.len() < helical.len(),
+        "{} {}",
+        spur.len(),
+        helical.len()
+    );
+    drawing.face_width_mm = f64::NAN;
+    assert!(matches!(
+        chart_solid(&drawing),
+        Err(Error::NothingToDraw { .. })
+    ));
+}

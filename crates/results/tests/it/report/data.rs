@@ -1,0 +1,556 @@
+//! Synthetic results of a plausible shape, for the tests and the demonstration page. The numbers
+//! are made up, apart from the gear outlines, which are those of the variables they stand beside.
+
+use std::collections::BTreeMap;
+
+use campaign::formulation::Problem;
+use campaign::optimise::Found;
+use campaign::{Approach, Campaign, Criteria, Design, GearCriteria};
+use results::costs::StageCost;
+use results::optima::Optima;
+use results::report::*;
+use stages::cost::Cost;
+use stages::optima::{NoOptimum, Optimum};
+use stages::stage::Stage;
+use stages::verification::Verification;
+use stats::OrderStatistic;
+
+/// A small generator of its own, so that the data never change with a library.
+struct Noise(u64);
+
+impl Noise {
+    /// Uniform in 0..1.
+    fn uniform(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// About standard normal.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+/// A whole campaign like the paper's.
+pub(crate) fn plausible() -> ReportData {
+    let doe = doe(2175);
+    let leave_one_out = leave_one_out(&doe);
+    let problem = problem();
+    ReportData {
+        header: header(),
+        missing: Vec::new(),
+        inputs: vec![("Teeth".to_owned(), "20 / 20".to_owned())],
+        made: vec![("Machine".to_owned(), "bench".to_owned())],
+        left_out: "Dynamics.".to_owned(),
+        optima: Optima::new(&problem, optima()),
+        kriging: Some(KrigingFit {
+            title: "P90 after the design of experiments".to_owned(),
+            unit: "µm".to_owned(),
+            kernel: "Matérn 5/2".to_owned(),
+            parameters: parameters(),
+            q2: 0.874,
+            rmse: 0.61,
+            coverage_90: 0.938,
+            warnings: vec![
+                "design 59 lies 5.1 standard deviations from its leave-one-out prediction"
+                    .to_owned(),
+            ],
+            leave_one_out,
+            slices: vec![slice()],
+            indices: vec![VariableIndices {
+                variable: symbol("x_p"),
+                first: 0.31,
+                total: 0.46,
+            }],
+        }),
+        notes: vec![
+            "The samples of design 1204 were computed twice; both results agree.".to_owned(),
+            "The model leaves out tooth corrections, bearing and shaft compliance, and dynamics."
+                .to_owned(),
+        ],
+        gears: Some(GearData {
+            compare_with_paper: true,
+            preliminary: preliminary(),
+            similar: paper::SIMILAR
+                .iter()
+                .map(|row| SimilarDesign {
+                    variables: row.variables,
+                    delta_ste_archard_um: row.delta_ste_archard_um * 1.07,
+                    p90: Some(percentile(row.p90_um * 1.05)),
+                })
+                .collect(),
+            wear: Some(wear()),
+            illustrations: illustrations(),
+            runs: runs(),
+            enrichment: Some(enrichment()),
+            printed: printed(),
+            doe,
+        }),
+        problem,
+    }
+}
+
+/// The paper's problem.
+pub(crate) fn problem() -> Problem {
+    Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap())
+}
+
+fn enrichment() -> Enrichment {
+    let rounds = (1..=4).map(|round| {
+        let predicted = 1.60 - 0.06 * round as f64;
+        EnrichmentRound {
+            round,
+            new_designs: 24 - 3 * round,
+            further_turns: 3 * round,
+            samples: 720,
+            failed: u64::from(round > 2),
+            ruled_out: 0,
+            expected_improvement: 0.2 / (round * round * round) as f64,
+            predicted,
+            low: predicted - 0.06 / round as f64,
+            high: predicted + 0.06 / round as f64,
+        }
+    });
+    Enrichment {
+        unit: "µm".to_owned(),
+        rounds: rounds.collect(),
+        tolerance_um: 0.01,
+        stop: "The enrichment has converged.".to_owned(),
+        doe_samples: 10_500,
+        verified_um: Some(1.35),
+        interval_of_estimate_um: Some((1.33, 1.39)),
+    }
+}
+
+fn header() -> Header {
+    let reason = |reason: &str, count| (reason.to_owned(), count);
+    let stage = |stage, cpu_seconds: f64| StageCost {
+        stage,
+        wall_seconds: 0.5 * cpu_seconds + 1.0,
+        cpu_seconds,
+    };
+    Header {
+        campaign: "synthetic".to_owned(),
+        campaign_digest: "c0ffee".to_owned(),
+        seed: 2009,
+        program_version: "0.1.0".to_owned(),
+        samples_digest: "9f2c6c1d0b7e4a55e1d3c8f7a6b5948372615049f8e7d6c5b4a3928170655443"
+            .to_owned(),
+        designs: 3000,
+        samples_per_design: 30,
+        percentile: "P90".to_owned(),
+        simulable: 2175,
+        refused: vec![
+            reason("contact beyond a base tangent point", 611),
+            reason("involute equation has no solution", 142),
+            reason("a mesh position has no pair in contact", 72),
+        ],
+        simulator_calls: 211_584,
+        stages: vec![
+            stage(Stage::Doe, 12.7),
+            stage(Stage::Sample, 934.2),
+            stage(Stage::Fit, 88.0),
+            stage(Stage::Optimise, 310.4),
+            stage(Stage::Verify, 21.6),
+        ],
+        facts: vec![
+            ("Tooth model".to_owned(), "hertz-beam".to_owned()),
+            (
+                "Greatest wear depth per flank".to_owned(),
+                "3.5 µm".to_owned(),
+            ),
+        ],
+    }
+}
+
+fn preliminary() -> Vec<PreliminaryDesign> {
+    let rows = paper::PRELIMINARY.iter().zip([0.41, 0.03, 0.78, 0.22]);
+    rows.map(|(row, lilliefors_p)| PreliminaryDesign {
+        variables: row.variables,
+        samples: 500,
+        mean_um: row.mean_um * 0.9,
+        sd_um: row.sd_um * 1.1,
+        p90_um: row.p90_um * 0.93,
+        lilliefors_p,
+        p90_variance_um2: row.p90_variance_um2 * 1.21,
+    })
+    .collect()
+}
+
+fn doe(n: usize) -> Vec<DoePoint> {
+    let mut noise = Noise(7);
+    (0..n)
+        .map(|_| {
+            let delta_ste_um = 3.2 * (0.8 * noise.normal()).exp();
+            let archard = 1.2 + 0.8 * delta_ste_um + 2.6 * (0.45 * noise.normal()).exp();
+            DoePoint {
+                delta_ste_um,
+                delta_ste_archard_um: archard,
+                p90_um: archard + 0.75 + 0.12 * noise.normal(),
+            }
+        })
+        .collect()
+}
+
+fn leave_one_out(doe: &[DoePoint]) -> Vec<LeaveOneOut> {
+    let mut noise = Noise(11);
+    (0..)
+        .zip(doe)
+        .map(|(design, p)| {
+            let residual = noise.normal();
+            LeaveOneOut {
+                design,
+                observed: p.p90_um,
+                predicted: 0.95 * p.p90_um + 0.3 + (0.2 + 0.06 * p.p90_um) * residual,
+                standardised: -residual,
+            }
+        })
+        .collect()
+}
+
+fn parameters() -> Vec<Parameter> {
+    let parameter = |name: &str, value, unit: &str| Parameter {
+        name: name.to_owned(),
+        value,
+        unit: unit.to_owned(),
+    };
+    vec![
+        parameter("mean µ", 8.114, "µm"),
+        parameter("process variance σ²", 21.37, "µm²"),
+        parameter("range of x₁", 1.842, ""),
+        parameter("range of x₂", 1.655, ""),
+        parameter("range of ha₀₁", 0.8412, ""),
+        parameter("range of ha₀₂", 0.9127, ""),
+        parameter("range of hf₀₁", 2.315, ""),
+        parameter("range of hf₀₂", 2.744, ""),
+        parameter("log-likelihood", -3127.45, ""),
+    ]
+}
+
+fn wear() -> WearProfiles {
+    let mut noise = Noise(3);
+    let angles: Vec<f64> = (0..=160)
+        .map(|i| 0.18 + 0.5 * f64::from(i) / 160.0)
+        .collect();
+    let archard: Vec<f64> = angles
+        .iter()
+        .map(|a| {
+            let s = (a - 0.18) / 0.5;
+            3.5 * (s - 0.47).abs() / 0.53 * (1.0 - 0.35 * (s * std::f64::consts::PI).sin())
+        })
+        .collect();
+    let random = (0..10)
+        .map(|_| {
+            let waves: Vec<(f64, f64, f64)> = (0..6)
+                .map(|_| {
+                    (
+                        0.05 * noise.normal(),
+                        3.0 + 9.0 * noise.uniform(),
+                        6.3 * noise.uniform(),
+                    )
+                })
+                .collect();
+            angles
+                .iter()
+                .zip(&archard)
+                .map(|(a, w)| {
+                    w * (1.0
+                        + waves
+                            .iter()
+                            .map(|(c, f, p)| c * (f * a + p).cos())
+                            .sum::<f64>())
+                })
+                .collect()
+        })
+        .collect();
+    WearProfiles {
+        subject: "Pinion flank of the optimum without wear.".to_owned(),
+        roll_angle_rad: angles,
+        archard_um: archard,
+        random_um: random,
+    }
+}
+
+fn found(row: &paper::ApproachRow, i: usize) -> Found {
+    let design = paper::printed(row.figure).expect("table 5 names printed designs");
+    let margin = 0.012 * i as f64;
+    let criteria = GearCriteria {
+        contact_ratio: design.contact_ratio,
+        specific_sliding: if i == 1 {
+            2.284
+        } else {
+            design.specific_slip - 0.008
+        },
+        root_stress_mpa: design.von_mises_mpa * 1.1,
+        hertz_pressure_mpa: design.pressure_mpa * 1.05,
+        clearance_mm: [margin; 2],
+        flank_margin_mm: [margin; 2],
+        normal_module_mm: 3.0,
+        details: None,
+    };
+    Found {
+        design: Design::new(design.variables.to_vec()),
+        criterion: row.criterion * 0.95,
+        criteria: Criteria::from(criteria),
+        feasible: i != 1,
+    }
+}
+
+/// The optima of the paper's approaches with their verification samples. Archard's breaks the slip limit.
+pub(crate) fn optima() -> Vec<(Optimum, Option<Verification>)> {
+    let rows = paper::APPROACHES.iter().enumerate();
+    rows.map(|(i, row)| {
+        let optimum = Optimum {
+            approach: row.approach,
+            found: Ok(found(row, i)),
+            cost: Cost {
+                simulator_calls: [36_000, 72_000, 126_000, 90_000][i],
+                cpu_seconds: [61.2, 118.9, 1043.0, 934.2][i],
+            },
+            note: match i {
+                1 => "with the printed penalty weight p = 10 the winner breaks g_s < 2.".to_owned(),
+                _ => String::new(),
+            },
+        };
+        let verification = verification(row.p90_um * 1.04, 500);
+        (optimum, Some(verification))
+    })
+    .collect()
+}
+
+/// The same without any design.
+pub(crate) fn no_optima(note: &str) -> Vec<(Optimum, Option<Verification>)> {
+    let all = optima().into_iter().map(|(optimum, _)| Optimum {
+        found: Err(NoOptimum::NoneSimulable),
+        note: note.to_owned(),
+        ..optimum
+    });
+    all.map(|optimum| (optimum, None)).collect()
+}
+
+/// Evenly spread samples with this 90 % percentile.
+pub(crate) fn verification(p90: f64, n: usize) -> Verification {
+    let middle = 0.9 * (n - 1) as f64;
+    let samples = (0..n).map(|i| p90 + 0.004 * (i as f64 - middle));
+    Verification {
+        samples: samples.collect(),
+        wanted: n,
+    }
+}
+
+fn illustrations() -> BTreeMap<Approach, Illustration> {
+    let rows = paper::APPROACHES.iter().enumerate();
+    rows.map(|(i, row)| {
+        let design = paper::printed(row.figure).expect("table 5 names printed designs");
+        let illustration = Illustration {
+            converged_difference_um: Some(-0.0006),
+            drawing: gears(&design.variables),
+            ste: ste(i),
+            contact: Some(contact()),
+        };
+        (row.approach, illustration)
+    })
+    .collect()
+}
+
+fn runs() -> BTreeMap<Approach, Vec<OptimiserRun>> {
+    let rows = paper::APPROACHES.iter().enumerate();
+    let optimised = rows.filter(|(_, row)| row.approach != Approach::BestOfDoe);
+    optimised
+        .map(|(i, row)| (row.approach, (1..=3).map(|start| run(i, start)).collect()))
+        .collect()
+}
+
+fn percentile(value: f64) -> OrderStatistic {
+    OrderStatistic {
+        n: 500,
+        value,
+        interval: Some((value - 0.05, value + 0.05)),
+    }
+}
+
+fn run(approach: usize, start: usize) -> OptimiserRun {
+    let mut noise = Noise((10 * approach + start) as u64);
+    let mut best = if start == 2 {
+        100.0
+    } else {
+        20.0 + 10.0 * noise.uniform()
+    };
+    let end = 0.8 + 1.1 * approach as f64 + 0.3 * noise.uniform();
+    let mut history = vec![(1, best)];
+    for evaluations in (15..12_000).step_by(15) {
+        if noise.uniform() < 0.15 {
+            best = end + (best - end) * (0.75 + 0.25 * noise.uniform());
+        }
+        history.push((evaluations, best));
+    }
+    OptimiserRun {
+        start,
+        best: history,
+        restarts: vec![6000],
+    }
+}
+
+fn ste(i: usize) -> SteCurves {
+    let phase: Vec<f64> = (0..=128).map(|j| f64::from(j) / 128.0).collect();
+    let wave = |level: f64, size: f64, modes: f64| {
+        let tau = std::f64::consts::TAU;
+        phase
+            .iter()
+            .map(|p| level + size * ((modes * tau * p).sin() + 0.3 * (tau * p).cos()))
+            .collect()
+    };
+    SteCurves {
+        unworn_um: wave(7.4, 0.17, 4.0),
+        worn_um: wave(12.1, 0.7 + 0.2 * i as f64, 2.0),
+        phase,
+    }
+}
+
+fn printed() -> Vec<PrintedDesign> {
+    let notes = ["", "notch factor outside its range of validity", "", "", ""];
+    paper::PRINTED
+        .iter()
+        .enumerate()
+        .map(|(i, design)| {
+            let outcome = Ok(PrintedFigures {
+                contact_ratio: (design.contact_ratio * 1.003).into(),
+                specific_slip: (design.specific_slip * 0.997).into(),
+                von_mises_mpa: ModelFigure {
+                    value: design.von_mises_mpa * if i == 0 { 0.333 } else { 1.15 },
+                    note: notes[usize::from(i == 0)].to_owned(),
+                },
+                pressure_mpa: (design.pressure_mpa * 1.12).into(),
+                criterion: (design.criterion_um * if i == 3 { 1.95 } else { 1.04 }).into(),
+                p90_um: f64::NAN.into(),
+            });
+            let outcome = if i == 4 {
+                Err("the store holds no sample of it".to_owned())
+            } else {
+                outcome
+            };
+            PrintedDesign {
+                figure: design.figure,
+                outcome,
+                illustration: (i == 0).then(|| Illustration {
+                    converged_difference_um: None,
+                    drawing: gears(&design.variables),
+                    ste: ste(i),
+                    contact: None,
+                }),
+            }
+        })
+        .collect()
+}
+
+/// Involute outlines of 20 and 22 teeth at 110 mm, with radial lines below the base circle.
+fn gears(variables: &[f64; 11]) -> GearDrawing {
+    const CENTRES: f64 = 110.0;
+    let [xp, xr, hap, har, hfp, hfr, .., degrees] = *variables;
+    let (normal, helix) = (18f64.to_radians(), degrees.to_radians());
+    let transverse = (normal.tan() / helix.cos()).atan();
+    let wanted = involute(transverse) + 2.0 * (xp + xr) * normal.tan() / 42.0;
+    let working = inverse_involute(wanted);
+    let module = 2.0 * CENTRES * helix.cos() * working.cos() / (42.0 * transverse.cos());
+    let gear = |teeth: f64, x: f64, tool: f64, tip: f64, centre: [f64; 2], turn: f64| {
+        let r = 0.5 * teeth * module / helix.cos();
+        let base = r * transverse.cos();
+        let (outer, root) = (r + module * (x + tip), r + module * (x - tool));
+        let half = (std::f64::consts::FRAC_PI_2 + 2.0 * x * normal.tan()) / teeth;
+        let angle = |radius: f64| {
+            half + involute(transverse) - involute((base / radius.max(base)).min(1.0).acos())
+        };
+        let radii: Vec<f64> = (0..=24)
+            .map(|i| root + (outer - root) * f64::from(i) / 24.0)
+            .collect();
+        let mut outline = Vec::new();
+        for tooth in 0..teeth as u32 {
+            let middle = turn + std::f64::consts::TAU * f64::from(tooth) / teeth;
+            let mut push = |radius: f64, offset: f64| {
+                let t = middle + offset;
+                outline.push([centre[0] + radius * t.cos(), centre[1] + radius * t.sin()]);
+            };
+            radii
+                .iter()
+                .for_each(|&radius| push(radius, -angle(radius)));
+            (1..6).for_each(|i| push(outer, angle(outer) * (f64::from(i) / 3.0 - 1.0)));
+            radii
+                .iter()
+                .rev()
+                .for_each(|&radius| push(radius, angle(radius)));
+            let gap = std::f64::consts::TAU / teeth - 2.0 * angle(root);
+            (1..6).for_each(|i| push(root, angle(root) + gap * f64::from(i) / 6.0));
+        }
+        GearOutline {
+            outline,
+            centre,
+            pitch_radius_mm: Some(CENTRES * teeth / 42.0),
+            base_radius_mm: Some(base),
+        }
+    };
+    let pinion = gear(20.0, xp, hap, hfp, [0.0, 0.0], 0.0);
+    let turn = std::f64::consts::PI * (1.0 + 1.0 / 22.0);
+    let mate = gear(22.0, xr, har, hfr, [CENTRES, 0.0], turn);
+    let pitch = CENTRES * 20.0 / 42.0;
+    let (dx, dy) = (working.sin(), working.cos());
+    GearDrawing {
+        pinion,
+        mate,
+        line_of_action: Some([[pitch - 9.0 * dx, -9.0 * dy], [pitch + 9.0 * dx, 9.0 * dy]]),
+        face_width_mm: 10.0,
+        twist_rad: [0.11, -0.1],
+    }
+}
+
+fn involute(angle: f64) -> f64 {
+    angle.tan() - angle
+}
+
+fn inverse_involute(value: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 1.2);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if involute(middle) < value {
+            low = middle
+        } else {
+            high = middle
+        }
+    }
+    low
+}
+
+/// A flank of which the far corner carries no load.
+fn contact() -> ContactPattern {
+    let place_mm: Vec<f64> = (0..8).map(|i| -7.0 + 2.0 * f64::from(i)).collect();
+    let across_mm: Vec<f64> = (0..5).map(|i| 1.0 + 2.0 * f64::from(i)).collect();
+    let pressure = |s: f64| {
+        let row = across_mm
+            .iter()
+            .map(|z| (1100.0 - 40.0 * s - 60.0 * z).max(0.0));
+        row.map(|p| if p < 320.0 { 0.0 } else { p }).collect()
+    };
+    ContactPattern {
+        is_worn: true,
+        pressure_mpa: place_mm.iter().map(|s| pressure(*s)).collect(),
+        place_mm,
+        across_mm,
+        lines: vec![[[0.0, 5.0], [10.0, 0.0]]],
+    }
+}
+
+fn slice() -> Slice {
+    let point = |k: u32| {
+        let x = f64::from(k) / 30.0;
+        let mean = 1.5 + (x - 0.4).powi(2);
+        [x, mean, mean - 0.2, mean + 0.2]
+    };
+    Slice {
+        variable: "x_p".to_owned(),
+        label: symbol("x_p"),
+        at: 0.4,
+        points: (0..=30).map(point).collect(),
+    }
+}
