@@ -195,7 +195,8 @@ CREATE TABLE sample_tally (
     -- How many of them failed.
     failed      INTEGER NOT NULL CHECK (failed BETWEEN 0 AND samples),
     -- The sum modulo 2^256 of the SHA-256 of every sample, both read as little-endian numbers.
-    digest      BLOB    NOT NULL CHECK (length(digest) = 32)
+    digest      BLOB    NOT NULL CHECK (length(digest) = 32),
+    seal        INTEGER NOT NULL
 ) STRICT;
 
 CREATE TABLE commit_tally (

@@ -6,8 +6,7 @@ use std::sync::Arc;
 use sqlx::pool::PoolConnection;
 use sqlx::query::{Map, Query};
 use sqlx::sqlite::{
-    Sqlite, SqliteArguments, SqliteConnectOptions, SqliteConnection, SqlitePool, SqliteQueryResult,
-    SqliteRow,
+    Sqlite, SqliteArguments, SqliteConnectOptions, SqliteConnection, SqlitePool, SqliteRow,
 };
 use sqlx::{
     Connection as _, Decode, Error as SqlxError, Executor as _, Row as _, Transaction, Type,
@@ -16,6 +15,7 @@ use tokio::sync::{Mutex, OwnedMutexGuard};
 use tokio_stream::{Stream, StreamExt as _};
 
 use crate::Error;
+use crate::row::{self, Row};
 
 /// A connection to a store's file. It runs statements and converts SQLite's errors to [`Error`]s
 /// that name the file. `doing` completes "the database could not".
@@ -183,23 +183,30 @@ impl Connection<'_> {
         self.all(doing, query).await
     }
 
-    pub(crate) async fn execute(
+    /// Removes rows and returns their number.
+    pub(crate) async fn remove(
         &mut self,
-        doing: &'static str,
         query: Query<'_, Sqlite, SqliteArguments>,
-    ) -> Result<SqliteQueryResult, Error> {
+    ) -> Result<u64, Error> {
         let done = query.execute(self.sql()).await;
-        done.map_err(|e| self.failed(doing, e))
+        let done = done.map_err(|e| self.failed("remove rows", e))?;
+        Ok(done.rows_affected())
     }
 
-    /// Like [`execute`](Self::execute), for rows of `table`.
+    /// Inserts or updates a row of a table. Returns false if the row was there already.
     pub(crate) async fn insert(
         &mut self,
         table: &'static str,
         query: Query<'_, Sqlite, SqliteArguments>,
-    ) -> Result<SqliteQueryResult, Error> {
+    ) -> Result<bool, Error> {
         let done = query.execute(self.sql()).await;
-        done.map_err(|e| Error::insertion(table, &self.path, e))
+        let done = done.map_err(|e| Error::insertion(table, &self.path, e))?;
+        Ok(done.rows_affected() > 0)
+    }
+
+    /// Returns a row that was read if it has the digest that it was stored with.
+    pub(crate) fn check<R: Row>(&self, row: R, seal: i64) -> Result<R, Error> {
+        row::check(row, seal, &self.path)
     }
 
     pub(crate) async fn all<F, O>(

@@ -1,18 +1,14 @@
 //! Derived results, what they were computed from, and their removal.
 
-use std::collections::BTreeMap;
-
 use ledger::StreamId;
 
 use crate::Error;
+use crate::batch::Receipt;
 use crate::connection::Connection;
-use crate::keyed::{self, Table};
-use crate::rounds;
-use crate::rows::{EvaluationRow, ModelRow, OptimumRow, Receipt, ResponseRow};
-use crate::samples::{self, Of};
-
-/// Completes "the database could not".
-pub(crate) const REMOVING: &str = "remove derived rows";
+use crate::models::ModelRow;
+use crate::row::{self, Columns, Row};
+use crate::samples::{self, Streams};
+use crate::{criteria, evaluations, generations, models, optima, responses, rounds, runs};
 
 /// A result that is computed from others.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -75,59 +71,61 @@ impl Derivation {
     }
 }
 
-/// Replaces all responses.
-pub(crate) async fn responses(
-    connection: &mut Connection<'_>,
-    rows: &[ResponseRow],
-    derivation: &Derivation,
-) -> Result<Receipt, Error> {
-    connection.run(REMOVING, "DELETE FROM response").await?;
-    put(connection, rows, derivation).await
+impl Row for Derivation {
+    const TABLE: &'static str = "derivation";
+
+    fn key(&self) -> String {
+        format!("name {:?}", self.name)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .text(&self.name)
+            .text(&self.inputs)
+            .option(self.output.as_deref(), Columns::text)
+            .option(self.failure.as_deref(), Columns::text);
+    }
 }
 
-/// Replaces the model of the DoE, or removes it if the fit has failed.
-pub(crate) async fn model(
-    connection: &mut Connection<'_>,
-    row: Option<&ModelRow>,
-    derivation: &Derivation,
-) -> Result<Receipt, Error> {
-    remove_model(connection, ModelRow::DOE).await?;
-    put(
-        connection,
-        row.map_or(&[], std::slice::from_ref),
-        derivation,
-    )
-    .await
+pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<Derivation>, Error> {
+    let query =
+        sqlx::query!("SELECT name, inputs, output, failure, seal FROM derivation ORDER BY name");
+    let rows = connection.all("read derivations", query).await?;
+    rows.into_iter()
+        .map(|row| {
+            let derivation = Derivation {
+                name: row.name,
+                inputs: row.inputs,
+                output: row.output,
+                failure: row.failure,
+            };
+            connection.check(derivation, row.seal)
+        })
+        .collect()
 }
 
-/// Replaces the optimum of an approach.
-pub(crate) async fn optimum(
+/// Stores the derivation in the place of the one of the same result.
+pub(crate) async fn replace(
     connection: &mut Connection<'_>,
-    row: &OptimumRow,
-    derivation: &Derivation,
-) -> Result<Receipt, Error> {
-    put(connection, std::slice::from_ref(row), derivation).await
-}
-
-async fn put<T: Table>(
-    connection: &mut Connection<'_>,
-    rows: &[T],
-    derivation: &Derivation,
-) -> Result<Receipt, Error> {
-    keyed::replace(connection, rows).await?;
-    derivations(connection, std::slice::from_ref(derivation)).await?;
-    Ok(Receipt {
-        new_rows: rows.len() as u64,
-        ..Receipt::default()
-    })
-}
-
-/// Stores derivations, replacing those of the same results.
-pub(crate) async fn derivations(
-    connection: &mut Connection<'_>,
-    rows: &[Derivation],
+    row: &Derivation,
 ) -> Result<(), Error> {
-    keyed::replace(connection, rows).await
+    let seal = row::seal(row)?;
+    let query = sqlx::query!(
+        "INSERT OR REPLACE INTO derivation (name, inputs, output, failure, seal)
+         VALUES (?, ?, ?, ?, ?)",
+        row.name,
+        row.inputs,
+        row.output,
+        row.failure,
+        seal,
+    );
+    connection.insert(Derivation::TABLE, query).await.map(drop)
+}
+
+async fn remove_named(connection: &mut Connection<'_>, result: &Derived) -> Result<u64, Error> {
+    let name = result.name();
+    let query = sqlx::query!("DELETE FROM derivation WHERE name = ?", name);
+    connection.remove(query).await
 }
 
 /// Removes derived results with their derivations. What workers computed for them goes with them, and results
@@ -139,30 +137,23 @@ pub(crate) async fn remove(
     for result in results {
         match result {
             Derived::Samples => {
-                samples::remove(connection, Of::Designs).await?;
-                connection.run(REMOVING, "DELETE FROM criteria").await?;
+                samples::remove(connection, Streams::Designs).await?;
+                criteria::remove(connection).await?;
             }
-            Derived::Responses => connection.run(REMOVING, "DELETE FROM response").await?,
-            Derived::Model => remove_model(connection, ModelRow::DOE).await?,
+            Derived::Responses => responses::remove(connection).await?,
+            Derived::Model => models::remove(connection, ModelRow::DOE).await?,
             Derived::Run(stream) => {
-                let key = stream.key().cast_signed();
-                let query = sqlx::query!("DELETE FROM optimiser_run WHERE stream = ?", key);
-                connection.execute(REMOVING, query).await?;
+                runs::remove(connection, *stream).await?;
                 forget_stream(connection, *stream).await?;
             }
             Derived::Round(round) => rounds::remove(connection, *round).await?,
-            Derived::Optimum(approach) => {
-                let query = sqlx::query!("DELETE FROM optimum WHERE approach = ?", approach);
-                connection.execute(REMOVING, query).await?;
-            }
+            Derived::Optimum(approach) => optima::remove(connection, approach).await?,
             Derived::Verification(stream) => {
-                samples::remove(connection, Of::One(*stream)).await?;
+                samples::remove(connection, Streams::One(*stream)).await?;
                 forget_stream(connection, *stream).await?;
             }
         }
-        let name = result.name();
-        let query = sqlx::query!("DELETE FROM derivation WHERE name = ?", name);
-        connection.execute(REMOVING, query).await?;
+        remove_named(connection, result).await?;
     }
     Ok(Receipt::default())
 }
@@ -174,40 +165,13 @@ pub(crate) async fn remove_failures(
     reason: &str,
 ) -> Result<Receipt, Error> {
     let mut removed = samples::remove_failed(connection).await?;
-    let mut failed: BTreeMap<StreamId, u64> = BTreeMap::new();
-    let evaluations: Vec<EvaluationRow> = keyed::all(connection).await?;
-    for row in evaluations {
-        let is_failure = row.refused.is_some_and(|why| why.starts_with(reason));
-        let mut samples = row.samples.iter().flatten();
-        if is_failure || samples.any(|sample| sample.is_infinite()) {
-            failed.entry(row.stream).or_insert(row.evaluation);
-        }
+    for (stream, first) in evaluations::first_failures(connection, reason).await? {
+        removed += evaluations::remove(connection, stream, first).await?;
+        removed += runs::remove(connection, stream).await?;
+        removed += remove_named(connection, &Derived::Run(stream)).await?;
     }
-    for (stream, first) in failed {
-        let (key, first) = (stream.key().cast_signed(), first.cast_signed());
-        let name = Derived::Run(stream).name();
-        for query in [
-            sqlx::query("DELETE FROM evaluation WHERE stream = ? AND evaluation >= ?")
-                .bind(key)
-                .bind(first),
-            sqlx::query("DELETE FROM optimiser_run WHERE stream = ?").bind(key),
-            sqlx::query("DELETE FROM derivation WHERE name = ?").bind(name),
-        ] {
-            removed += connection.execute(REMOVING, query).await?.rows_affected();
-        }
-    }
-    let query = sqlx::query("DELETE FROM criteria WHERE substr(reason, 1, length(?1)) = ?1");
-    let done = connection.execute(REMOVING, query.bind(reason)).await?;
-    removed += done.rows_affected();
-    Ok(Receipt {
-        new_rows: removed,
-        ..Receipt::default()
-    })
-}
-
-pub(crate) async fn remove_model(connection: &mut Connection<'_>, name: &str) -> Result<(), Error> {
-    let query = sqlx::query("DELETE FROM model WHERE name = ?").bind(name);
-    connection.execute(REMOVING, query).await.map(drop)
+    removed += criteria::remove_failed(connection, reason).await?;
+    Ok(Receipt::new(removed))
 }
 
 /// Removes the evaluations and the wanted generation of a stream.
@@ -215,12 +179,6 @@ pub(crate) async fn forget_stream(
     connection: &mut Connection<'_>,
     stream: StreamId,
 ) -> Result<(), Error> {
-    for statement in [
-        "DELETE FROM evaluation WHERE stream = ?",
-        "DELETE FROM stream_generation WHERE stream = ?",
-    ] {
-        let query = sqlx::query(statement).bind(stream.key().cast_signed());
-        connection.execute(REMOVING, query).await?;
-    }
-    Ok(())
+    evaluations::remove(connection, stream, 0).await?;
+    generations::remove(connection, stream).await
 }

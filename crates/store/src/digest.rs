@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 use std::ops::AddAssign;
 
 use sha2::{Digest as _, Sha256};
+use sqlx::error::BoxDynError;
+use sqlx::sqlite::{SqliteTypeInfo, SqliteValueRef};
+use sqlx::{Decode, Sqlite, Type};
 
 /// A sum modulo 2²⁵⁶ over samples, each with the SHA-256 of its stream's index and its own as 64-bit
 /// little-endian integers and of the bits of its value, little-endian, read as a
@@ -30,17 +33,16 @@ impl SamplesDigest {
         Self::from_bytes(&Sha256::digest(bytes).into())
     }
 
-    /// Reads the digest of a tally; `None` unless these are 32 bytes.
-    pub(crate) fn from_blob(blob: &[u8]) -> Option<Self> {
-        blob.try_into().ok().map(Self::from_bytes)
-    }
-
-    pub(crate) fn from_bytes(bytes: &[u8; 32]) -> Self {
+    fn from_bytes(bytes: &[u8; 32]) -> Self {
         let mut limbs = [0; 4];
         for (limb, bytes) in limbs.iter_mut().zip(bytes.as_chunks().0) {
             *limb = u64::from_le_bytes(*bytes);
         }
         Self { limbs }
+    }
+
+    pub(crate) fn limbs(self) -> [u64; 4] {
+        self.limbs
     }
 
     pub(crate) fn to_bytes(self) -> [u8; 32] {
@@ -59,6 +61,19 @@ impl SamplesDigest {
             let _ = write!(hex, "{byte:02x}");
         }
         hex
+    }
+}
+
+impl Type<Sqlite> for SamplesDigest {
+    fn type_info() -> SqliteTypeInfo {
+        <Vec<u8> as Type<Sqlite>>::type_info()
+    }
+}
+
+impl<'r> Decode<'r, Sqlite> for SamplesDigest {
+    fn decode(value: SqliteValueRef<'r>) -> Result<Self, BoxDynError> {
+        let bytes: &[u8; 32] = <&[u8] as Decode<Sqlite>>::decode(value)?.try_into()?;
+        Ok(Self::from_bytes(bytes))
     }
 }
 

@@ -67,7 +67,7 @@ pub enum Error {
     },
     /// The file and its log hold fewer commits than were acknowledged.
     #[error(
-        "the store {} holds {held} of {acknowledged} acknowledged commits: its log (-wal) was cut \
+        "the store {} holds {stored} of {acknowledged} acknowledged commits: its log (-wal) was cut \
          or removed, or an older copy was put in its place; put the newer files back, or remove {} \
          to go on with what is there",
         path.display(),
@@ -79,7 +79,7 @@ pub enum Error {
         /// Its lock file, which records the number of acknowledged commits.
         lock: PathBuf,
         /// Commits in the store.
-        held: u64,
+        stored: u64,
         /// Commits that were acknowledged.
         acknowledged: u64,
     },
@@ -95,7 +95,7 @@ pub enum Error {
     },
     /// The store belongs to another campaign.
     #[error(
-        "the store {} belongs to campaign {held}, not to {offered}{}: choose another file, or the \
+        "the store {} belongs to campaign {stored}, not to {offered}{}: choose another file, or the \
          campaign file it was started with",
         path.display(),
         in_words(changes)
@@ -104,7 +104,7 @@ pub enum Error {
         /// The refused file.
         path: PathBuf,
         /// Name and digest of the campaign in the store.
-        held: String,
+        stored: String,
         /// Name and digest of the campaign to be run.
         offered: String,
         /// The differences between the two, if known.
@@ -159,7 +159,7 @@ pub enum Error {
     },
     /// A sample was submitted again with a different value.
     #[error(
-        "sample {sample} of {stream} is held as {held:?} and was offered as {offered:?}: samples must not depend on \
+        "sample {sample} of {stream} is stored as {stored:?} and was offered as {offered:?}: samples must not depend on \
          who computes them"
     )]
     Conflict {
@@ -168,7 +168,7 @@ pub enum Error {
         /// The sample's index.
         sample: u64,
         /// The value in the store.
-        held: f64,
+        stored: f64,
         /// The value that was refused.
         offered: f64,
     },
@@ -180,7 +180,7 @@ pub enum Error {
     },
     /// A design was submitted again with different variables.
     #[error(
-        "design {design} is held with other variables than those offered: a campaign file gives \
+        "design {design} is stored with other variables than those offered: a campaign file gives \
          each design once"
     )]
     DesignConflict {
@@ -189,20 +189,20 @@ pub enum Error {
     },
     /// The criteria of a design were submitted again with different values.
     #[error(
-        "the criteria of design {design} are held as {held:?} and were offered as {offered:?}: \
+        "the criteria of design {design} are stored as {stored:?} and were offered as {offered:?}: \
          criteria must not depend on who computes them"
     )]
     CriteriaConflict {
         /// The design's index.
         design: u64,
         /// The row in the store.
-        held: Box<crate::CriteriaRow>,
+        stored: Box<crate::CriteriaRow>,
         /// The row that was refused.
         offered: Box<crate::CriteriaRow>,
     },
     /// An optimiser run was submitted again with a different result.
     #[error(
-        "{stream} is held with another result than the one offered: a run \
+        "{stream} is stored with another result than the one offered: a run \
          must not depend on who computes it"
     )]
     RunConflict {
@@ -211,7 +211,7 @@ pub enum Error {
     },
     /// An evaluation was submitted again with different values.
     #[error(
-        "evaluation {evaluation} of {stream} is held with other values than those offered: an \
+        "evaluation {evaluation} of {stream} is stored with other values than those offered: an \
          external simulator must answer the same to the same question"
     )]
     EvaluationConflict {
@@ -222,20 +222,22 @@ pub enum Error {
     },
     /// The store was filled with another gear model.
     #[error(
-        "the store was filled with model {held}, this program has model {offered}: use the program \
+        "the store was filled with model {stored}, this program has model {offered}: use the program \
          it was started with, or another store"
     )]
     ModelDigestConflict {
         /// The digest in the store.
-        held: String,
+        stored: String,
         /// The digest that was refused.
         offered: String,
     },
     /// The extended campaign has another seed, and therefore other samples.
-    #[error("the store's campaign has seed {held}, the extended one has {offered}: keep the seed")]
+    #[error(
+        "the store's campaign has seed {stored}, the extended one has {offered}: keep the seed"
+    )]
     OtherSeed {
         /// The seed in the store.
-        held: u64,
+        stored: u64,
         /// The seed that was refused.
         offered: u64,
     },
@@ -265,14 +267,6 @@ pub enum Error {
         /// The error of SQLite.
         #[source]
         source: Arc<sqlx::Error>,
-    },
-    /// A row of the store has a value that this program cannot have written.
-    #[error("{column} holds {value:?}, which this program does not know")]
-    UnknownValue {
-        /// Table and column.
-        column: &'static str,
-        /// The value found.
-        value: String,
     },
     /// The disk is full. Nothing of the batch was stored; it can be submitted again when there is
     /// space.
@@ -370,8 +364,16 @@ impl Error {
 
     /// Converts an SQLite error to its variant; `doing` completes "the database could not".
     pub(crate) fn sqlite(doing: &'static str, path: &Path, source: sqlx::Error) -> Self {
-        if matches!(source, sqlx::Error::PoolClosed) {
-            return Self::Closed;
+        match source {
+            sqlx::Error::PoolClosed => return Self::Closed,
+            // A value that its column cannot have, such as a negative count.
+            sqlx::Error::ColumnDecode { .. } => {
+                return Self::Damaged {
+                    path: path.to_owned(),
+                    detail: format!("it could not {doing}: {source}"),
+                };
+            }
+            _ => {}
         }
         match primary_code(&source) {
             Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged {
@@ -411,19 +413,19 @@ fn primary_code(error: &sqlx::Error) -> Option<i32> {
 }
 
 impl Error {
-    /// The error for a store at `path` whose campaign, `held`, is not the one `offered`; both are
+    /// The error for a store at `path` whose campaign, `stored`, is not the one `offered`; both are
     /// given as name and digest. `changes` lists the differences, if they are known.
     #[must_use]
     pub fn other_campaign(
         path: &Path,
-        held: [&str; 2],
+        stored: [&str; 2],
         offered: [&str; 2],
         changes: Vec<String>,
     ) -> Self {
         let named = |[name, digest]: [&str; 2]| format!("\"{name}\" ({digest})");
         Self::OtherCampaign {
             path: path.to_path_buf(),
-            held: named(held),
+            stored: named(stored),
             offered: named(offered),
             changes,
         }

@@ -43,40 +43,63 @@
 
 #![warn(missing_docs)]
 
+mod batch;
+mod campaign;
 mod cause;
-mod check;
+mod change;
+mod commits;
 mod connection;
+mod criteria;
 mod derived;
+mod designs;
 mod digest;
 mod error;
+mod evaluations;
 mod fail_point;
+mod failures;
 mod filesystem;
-mod insert;
-mod keyed;
+mod generations;
+mod infill;
+mod integrity;
 mod lock;
+mod missing;
+mod models;
 mod open;
+mod optima;
 mod place;
-mod query;
+mod progress;
+mod responses;
 mod rounds;
-mod rows;
+mod row;
+mod runs;
 mod samples;
 mod schema;
 mod store;
-mod tables;
 mod tally;
+mod times;
+mod values;
 mod writer;
 
+pub use batch::{Batch, Receipt};
+pub use campaign::CampaignRow;
+pub use criteria::CriteriaRow;
 pub use derived::{Derivation, Derived};
+pub use designs::DesignRow;
 pub use error::Error;
+pub use evaluations::EvaluationRow;
 pub use fail_point::FailPoint;
+pub use failures::{FailureGroup, FailureKind, FailureRow, StreamHistory};
 pub use filesystem::network_file_system;
-pub use rounds::{InfillRow, NewRound, RoundRow, Unsampled};
-pub use rows::{
-    Batch, CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureKind,
-    FailureRow, JobTimeRow, MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt,
-    ResponseRow, StageTimeRow, StreamHistory,
-};
+pub use infill::InfillRow;
+pub use missing::MissingWork;
+pub use models::ModelRow;
+pub use optima::OptimumRow;
+pub use progress::Progress;
+pub use responses::ResponseRow;
+pub use rounds::{NewRound, RoundRow, Unsampled};
+pub use runs::OptimiserRunRow;
 pub use samples::SampleBlock;
 pub use store::Store;
 pub use tally::SampleTally;
+pub use times::{JobTimeRow, StageTimeRow};
 pub use writer::Writer;

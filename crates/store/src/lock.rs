@@ -21,7 +21,7 @@ pub(crate) struct Lock {
     path: PathBuf,
     file: File,
     /// The store's own file, locked.
-    held: Option<File>,
+    store_file: Option<File>,
 }
 
 impl Lock {
@@ -41,7 +41,7 @@ impl Lock {
                 store: store.to_owned(),
                 path,
                 file,
-                held: None,
+                store_file: None,
             }),
             Err(TryLockError::WouldBlock) => Err(Error::Locked {
                 path: store.to_owned(),
@@ -52,9 +52,9 @@ impl Lock {
 
     /// Also locks the store's own file, because the lock file depends on the name, and a file can
     /// have several names.
-    pub(crate) fn hold_file(&mut self) -> Result<(), Error> {
+    pub(crate) fn lock_store_file(&mut self) -> Result<(), Error> {
         place::refuse_links(&self.store)?;
-        self.held = place::lock_file(&self.store)?;
+        self.store_file = place::lock_file(&self.store)?;
         Ok(())
     }
 
@@ -68,8 +68,8 @@ impl Lock {
             .map_err(|e| Error::io("write to the lock file", &self.path, e))
     }
 
-    /// Refuses a store that holds fewer commits than were acknowledged.
-    pub(crate) fn compare(&mut self, held: u64) -> Result<(), Error> {
+    /// Refuses a store that has fewer commits than were acknowledged.
+    pub(crate) fn compare(&mut self, stored: u64) -> Result<(), Error> {
         let mut note = String::new();
         self.file
             .rewind()
@@ -77,11 +77,11 @@ impl Lock {
             .map_err(|e| Error::io("read the lock file", &self.path, e))?;
         // There is no record when the store was copied here.
         let acknowledged: u64 = note.trim().parse().unwrap_or(0);
-        if held < acknowledged {
+        if stored < acknowledged {
             return Err(Error::Behind {
                 path: self.store.clone(),
                 lock: self.path.clone(),
-                held,
+                stored,
                 acknowledged,
             });
         }

@@ -6,31 +6,25 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
-use std::slice;
 use std::sync::Arc;
 use std::time::Duration;
 
 use sqlx::ConnectOptions as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 
-use crate::check::{self, Pending, Reading, Verdict};
+use crate::campaign::{self, CampaignRow};
 use crate::connection::{Connection, Readers};
-use crate::keyed;
+use crate::integrity::{self, Integrity, ReadOptions};
 use crate::lock::Lock;
 use crate::place::{self, Place};
-use crate::rows::CampaignRow;
 use crate::store::Store;
-use crate::{Error, query, schema, writer};
+use crate::{Error, commits, schema, writer};
 
-/// Size of a file that is checked before it is opened. `PRAGMA quick_check` reads it in about a
-/// quarter of a second.
-const CHECK_AT_ONCE: u64 = 32 << 20;
+/// Size of a file that is checked before it is opened, which takes about a tenth of a second.
+const CHECK_AT_ONCE: u64 = 4 << 20;
 
-/// Size of a file whose samples are compared with their digest before it is opened. This takes
-/// about a tenth of a second.
-const COMPARE_AT_ONCE: u64 = 4 << 20;
-
-const LEAVE_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLLBACK";
+/// Locks the file for writing and writes nothing.
+const TRY_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLLBACK";
 
 /// Number of reading connections: for a status page, an export and a report at once, and a spare
 /// one.
@@ -61,7 +55,7 @@ impl Store {
     ///
     /// A file that is too large for a quick check is checked in the background. Reads are allowed
     /// meanwhile, and the first write waits for the check of the pages. [`Store::checked`] returns
-    /// the verdict on the pages and the samples.
+    /// the integrity on the pages and the samples.
     ///
     /// Holds an exclusive lock on `path` + `.lock` until [`Store::close`], or until the last clone
     /// of the store and of its writers is dropped and their submissions are committed. Must be
@@ -99,62 +93,50 @@ impl Store {
         if !exists(&path)? {
             create(&path, campaign, &mut lock).await?;
         }
-        lock.hold_file()?;
+        lock.lock_store_file()?;
         let place = Place::of(&path)?;
         roll_back(&path).await?;
         let reading = reading(&path);
         let mut connection = schema::inspect(&reading).await?;
-        let size = size(&path)?;
-        let small = size <= check_at_once;
-        let compare_at_once = size <= check_at_once.min(COMPARE_AT_ONCE);
         // The file is also checked first before a change of the journal mode, since that writes to it.
-        let at_once = small || !is_wal(&mut connection).await?;
+        let at_once = size(&path)? <= check_at_once || !is_wal(&mut connection).await?;
         if at_once {
-            check::quick_check(&mut connection).await?;
+            integrity::check(&mut connection).await?;
         }
-        if compare_at_once {
-            check::rows(&mut connection).await?;
-        }
-        let held = query::campaign(&mut connection).await?;
-        let commits = query::commits(&mut connection).await?;
+        let stored = campaign::read(&mut connection).await?;
+        let commits = commits::read(&mut connection).await?;
         // The connection is closed before a refusal, after which the caller may replace the file.
         connection.close().await?;
         lock.compare(commits)?;
-        if held.digest != campaign.digest
-            && let Err(changes) = may_extend(&held)
+        if stored.digest != campaign.digest
+            && let Err(changes) = may_extend(&stored)
         {
             return Err(Error::other_campaign(
                 &path,
-                [&held.name, &held.digest],
+                [&stored.name, &stored.digest],
                 [&campaign.name, &campaign.digest],
                 changes,
             ));
         }
 
         let options = writing(&path);
-        let (connection, pending) = if at_once {
+        let readers = readers(&reading).await?;
+        let (connection, integrity) = if at_once {
             let mut connection = Connection::open(&options, &path).await?;
             // SQLite opens a file that is not writable and reports that only when a row is written.
             connection
-                .run("get leave to write to its file", LEAVE_TO_WRITE)
+                .run("lock its file for writing", TRY_TO_WRITE)
                 .await?;
-            let pending = if compare_at_once {
-                Pending::Nothing
-            } else {
-                Pending::Rows
-            };
-            (Some(connection), pending)
+            (Some(connection), Integrity::sound())
         } else {
-            (None, Pending::PagesAndRows)
+            (None, Integrity::in_background(reading))
         };
-        let readers = readers(&reading).await?;
-        let verdict = Verdict::of(reading, pending);
-        let writer = writer::spawn(place, options, connection, verdict.clone(), lock);
+        let writer = writer::spawn(place, options, connection, integrity.clone(), lock);
         Ok(Self {
             path,
             readers,
             writer: Some(writer),
-            verdict,
+            integrity,
         })
     }
 
@@ -192,17 +174,16 @@ impl Store {
                     let path = path.to_path_buf();
                     return Err(Error::UnreadLog { path, log });
                 }
-                reading.options = reading.options.immutable(true);
+                reading.sqlite = reading.sqlite.immutable(true);
                 schema::inspect(&reading).await?
             }
             inspected => inspected?,
         };
-        let verdict = if size(&path)? <= COMPARE_AT_ONCE {
-            check::quick_check(&mut connection).await?;
-            check::rows(&mut connection).await?;
-            Verdict::sound()
+        let integrity = if size(&path)? <= CHECK_AT_ONCE {
+            integrity::check(&mut connection).await?;
+            Integrity::sound()
         } else {
-            Verdict::on_demand(reading.clone())
+            Integrity::on_demand(reading.clone())
         };
         connection.close().await?;
         let readers = readers(&reading).await?;
@@ -210,7 +191,7 @@ impl Store {
             path,
             readers,
             writer: None,
-            verdict,
+            integrity,
         })
     }
 }
@@ -242,7 +223,7 @@ fn exists(path: &Path) -> Result<bool, Error> {
 
 /// Size of the file and its log, in bytes.
 fn size(path: &Path) -> Result<u64, Error> {
-    let file = fs::metadata(path).map_err(|e| Error::io("look at", path, e))?;
+    let file = fs::metadata(path).map_err(|e| Error::io("stat", path, e))?;
     let log = fs::metadata(beside(path, "-wal"));
     Ok(file.len() + log.map_or(0, |log| log.len()))
 }
@@ -285,7 +266,7 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
         .synchronous(SqliteSynchronous::Full);
     let mut connection = Connection::open(&options, &draft.as_path().into()).await?;
     schema::create(&mut connection).await?;
-    keyed::replace(&mut connection, slice::from_ref(campaign)).await?;
+    campaign::write(&mut connection, campaign).await?;
     // Before the rename, because a later switch creates a journal, which a kill would leave behind.
     connection
         .run("switch to a write-ahead log", "PRAGMA journal_mode = WAL")
@@ -353,7 +334,7 @@ pub(crate) fn writing(path: &Path) -> SqliteConnectOptions {
         .disable_statement_logging()
 }
 
-fn reading(path: &Arc<Path>) -> Reading {
+fn reading(path: &Arc<Path>) -> ReadOptions {
     let options = SqliteConnectOptions::new()
         .filename(path)
         .read_only(true)
@@ -362,16 +343,16 @@ fn reading(path: &Arc<Path>) -> Reading {
         // Visiting all samples takes as long as the visitor takes, so slow statements are not
         // logged.
         .disable_statement_logging();
-    Reading {
+    ReadOptions {
         path: Arc::clone(path),
-        options,
+        sqlite: options,
     }
 }
 
-async fn readers(reading: &Reading) -> Result<Readers, Error> {
+async fn readers(reading: &ReadOptions) -> Result<Readers, Error> {
     SqlitePoolOptions::new()
         .max_connections(READERS)
-        .connect_with(reading.options.clone())
+        .connect_with(reading.sqlite.clone())
         .await
         .map(Readers::Pool)
         .map_err(|e| Error::sqlite("open its file for reading", &reading.path, e))
@@ -382,7 +363,8 @@ pub(crate) mod tests {
     use super::*;
     use ledger::StreamId;
 
-    use crate::rows::{Batch, DesignRow};
+    use crate::batch::Batch;
+    use crate::designs::DesignRow;
     use crate::samples::SampleBlock;
 
     pub(crate) fn campaign() -> CampaignRow {

@@ -48,7 +48,7 @@ pub(crate) struct Place {
 
 impl Place {
     pub(crate) fn of(path: &Arc<Path>) -> Result<Self, Error> {
-        let file = fs::metadata(path).map_err(|e| Error::io("look at", path, e))?;
+        let file = fs::metadata(path).map_err(|e| Error::io("stat", path, e))?;
         Ok(Self {
             path: Arc::clone(path),
             log: beside(path, "-wal"),
@@ -97,7 +97,7 @@ impl Place {
 
 /// Refuses a file that has several names, because its log belongs to only one of them.
 pub(crate) fn refuse_links(path: &Path) -> Result<(), Error> {
-    let file = fs::metadata(path).map_err(|e| Error::io("look at", path, e))?;
+    let file = fs::metadata(path).map_err(|e| Error::io("stat", path, e))?;
     match links(&file) {
         0 | 1 => Ok(()),
         names => Err(Error::Linked {

@@ -1,13 +1,15 @@
-//! Rounds of infill points.
+//! Rounds of infill.
 
 use ledger::StreamId;
 
 use crate::Error;
+use crate::batch::Receipt;
 use crate::connection::Connection;
-use crate::derived::{self, Derivation, REMOVING};
-use crate::keyed::{self, Table, Value};
-use crate::rows::{ModelRow, Receipt};
-use crate::samples::{self, Of};
+use crate::derived;
+use crate::infill::{self, InfillRow};
+use crate::models::{self, ModelRow};
+use crate::row::{self, Columns, Row};
+use crate::samples::{self, Streams};
 
 /// The decision of one round of infill.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,42 +30,24 @@ pub struct RoundRow {
     pub cpu_seconds: f64,
 }
 
-/// A point that a round adds.
-#[derive(Debug, Clone, PartialEq)]
-pub struct InfillRow {
-    /// Number of the point over all rounds, from 0.
-    pub infill: u64,
-    /// The round.
-    pub round: u64,
-    /// Name of the point among those with samples of their own.
-    pub name: String,
-    /// Number of the point's random streams.
-    pub number: u64,
-    /// The reason why it was chosen.
-    pub reason: String,
-    /// Its variables, in the order of [`DesignRow::x`](crate::DesignRow::x).
-    pub x: Vec<f64>,
-    /// Constraint violation with exact constraints; 0 while only models of the constraints are
-    /// known.
-    pub violation: f64,
-    /// Number of samples to be taken.
-    pub samples: u64,
-    /// Whether the point got no samples, as found by a later round: it failed or is
-    /// [ruled out](Self::is_ruled_out).
-    pub failed: bool,
-}
+impl Row for RoundRow {
+    const TABLE: &'static str = "enrichment_round";
 
-impl InfillRow {
-    /// Whether the simulator evaluated the point's constraints and one is violated.
-    #[must_use]
-    pub fn is_ruled_out(&self) -> bool {
-        self.failed && self.violation > 0.0
+    fn key(&self) -> String {
+        format!("round {}", self.round)
     }
 
-    /// Whether the point got no samples for another reason than a violated constraint.
-    #[must_use]
-    pub fn has_failed(&self) -> bool {
-        self.failed && self.violation <= 0.0
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .count("round", self.round)
+            .option(self.expected_improvement, |to, value| {
+                to.number("expected_improvement", value)
+            })
+            .option(self.recommendation_json.as_deref(), Columns::text)
+            .option(self.stop_json.as_deref(), Columns::text)
+            .text(&self.notes_json)
+            .count("simulator_calls", self.simulator_calls)
+            .number("cpu_seconds", self.cpu_seconds);
     }
 }
 
@@ -89,60 +73,85 @@ pub struct NewRound {
     pub model: Option<ModelRow>,
 }
 
+pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<RoundRow>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT round AS "round: u64", expected_improvement, recommendation_json, stop_json,
+                  notes_json, simulator_calls AS "simulator_calls: u64", cpu_seconds, seal
+           FROM enrichment_round ORDER BY round"#
+    );
+    let rows = connection.all("read rounds", query).await?;
+    rows.into_iter()
+        .map(|row| {
+            let round = RoundRow {
+                round: row.round,
+                expected_improvement: row.expected_improvement,
+                recommendation_json: row.recommendation_json,
+                stop_json: row.stop_json,
+                notes_json: row.notes_json,
+                simulator_calls: row.simulator_calls,
+                cpu_seconds: row.cpu_seconds,
+            };
+            connection.check(round, row.seal)
+        })
+        .collect()
+}
+
+async fn insert_row(connection: &mut Connection<'_>, row: &RoundRow) -> Result<(), Error> {
+    let seal = row::seal(row)?;
+    let [round, calls] = [row.round, row.simulator_calls].map(u64::cast_signed);
+    let query = sqlx::query!(
+        "INSERT INTO enrichment_round (round, expected_improvement, recommendation_json, stop_json,
+             notes_json, simulator_calls, cpu_seconds, seal)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        round,
+        row.expected_improvement,
+        row.recommendation_json,
+        row.stop_json,
+        row.notes_json,
+        calls,
+        row.cpu_seconds,
+        seal,
+    );
+    connection.insert(RoundRow::TABLE, query).await.map(drop)
+}
+
+/// Stores a round with its points, and marks the earlier points that it found to have failed.
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     new: &NewRound,
-    derivation: &Derivation,
 ) -> Result<Receipt, Error> {
-    new.row.check()?;
-    new.infill.iter().try_for_each(Table::check)?;
-    keyed::write(connection, "INSERT INTO", "", &[&new.row]).await?;
+    insert_row(connection, &new.row).await?;
     for point in &new.infill {
-        keyed::write(connection, "INSERT INTO", "", &[point]).await?;
+        infill::insert(connection, point).await?;
     }
     if let Some(model) = &new.model {
-        keyed::replace(connection, std::slice::from_ref(model)).await?;
+        models::replace(connection, model).await?;
     }
-    if !new.failed.is_empty() {
-        let mut failed: Vec<InfillRow> = keyed::all(connection).await?;
-        failed.retain_mut(|point| {
-            let mut unsampled = new.failed.iter();
-            let Some(unsampled) = unsampled.find(|one| one.infill == point.infill) else {
-                return false;
-            };
+    for mut point in infill::all(connection).await? {
+        let mut failed = new.failed.iter();
+        if let Some(unsampled) = failed.find(|one| one.infill == point.infill) {
             (point.failed, point.violation) = (true, unsampled.violation);
-            true
-        });
-        keyed::replace(connection, &failed).await?;
+            infill::mark(connection, &point).await?;
+        }
     }
-    derived::derivations(connection, std::slice::from_ref(derivation)).await?;
-    Ok(Receipt {
-        new_rows: 1 + new.infill.len() as u64,
-        ..Receipt::default()
-    })
+    Ok(Receipt::new(1 + new.infill.len() as u64))
 }
 
 /// Removes a round with its points and their samples. The points that it found to have failed are open again.
 pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Result<(), Error> {
-    let of_round = async |connection: &mut Connection<'_>, round: u64| {
-        keyed::all_where(connection, "WHERE round = ?", &[Value::Count(round)]).await
-    };
-    let points: Vec<InfillRow> = of_round(connection, round).await?;
-    for point in points {
-        let stream = StreamId::point(point.number);
-        samples::remove(connection, Of::One(stream)).await?;
-        derived::forget_stream(connection, stream).await?;
+    for mut point in infill::all(connection).await? {
+        if point.round == round {
+            let stream = StreamId::point(point.number);
+            samples::remove(connection, Streams::One(stream)).await?;
+            derived::forget_stream(connection, stream).await?;
+        } else if point.round + 1 == round && point.failed {
+            point.failed = false;
+            infill::mark(connection, &point).await?;
+        }
     }
-    let number = round.cast_signed();
-    let query = sqlx::query!("DELETE FROM infill WHERE round = ?", number);
-    connection.execute(REMOVING, query).await?;
-    derived::remove_model(connection, ModelRow::ENRICHED).await?;
-    let query = sqlx::query!("DELETE FROM enrichment_round WHERE round = ?", number);
-    connection.execute(REMOVING, query).await?;
-    if let Some(before) = round.checked_sub(1) {
-        let mut points: Vec<InfillRow> = of_round(connection, before).await?;
-        points.iter_mut().for_each(|point| point.failed = false);
-        keyed::replace(connection, &points).await?;
-    }
-    Ok(())
+    infill::remove(connection, round).await?;
+    models::remove(connection, ModelRow::ENRICHED).await?;
+    let round = round.cast_signed();
+    let query = sqlx::query!("DELETE FROM enrichment_round WHERE round = ?", round);
+    connection.remove(query).await.map(drop)
 }

@@ -1,20 +1,25 @@
 //! The samples of designs, optima and infill points. A row of their table holds a block of consecutive samples of one
 //! stream.
 
-use std::path::Path;
+use std::collections::BTreeMap;
 
 use ledger::{Kind, StreamId};
+use tokio_stream::StreamExt as _;
 
 use crate::Error;
+use crate::batch::{Batch, Receipt};
 use crate::connection::Connection;
-use crate::keyed::{self, Table as _, Value};
-use crate::rows::{Batch, Receipt};
-use crate::tables::{differ, number};
-use crate::tally::{self, Tallies};
+use crate::designs;
+use crate::row::{self, Columns, Row};
+use crate::tally::{self, SampleTally};
+use crate::values::{Numbers, StreamKey, bytes, key, number};
 
 /// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
 /// reader.
 const LONGEST: usize = 4096;
+
+/// Completes "the database could not".
+const READING: &str = "read samples";
 
 /// Consecutive samples of one stream.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,18 +45,15 @@ impl SampleBlock {
     }
 
     /// Refuses samples that SQLite would not return unchanged.
-    pub(crate) fn check(&self) -> Result<(), Error> {
-        let last = self
-            .first_sample
-            .saturating_add((self.samples.len() as u64).saturating_sub(1));
+    fn refuse_unstorable(&self) -> Result<(), Error> {
+        let last = (self.samples.len() as u64).saturating_sub(1);
+        let last = self.first_sample.saturating_add(last);
         if i64::try_from(last).is_err() {
-            let column = "sample_block.first_sample".to_owned();
             return Err(Error::TooLarge {
-                column,
+                column: "sample_block.first_sample".to_owned(),
                 value: last,
             });
         }
-        // An infinite one stands for a failed sample.
         match self.indexed().find(|(_, value)| value.is_nan()) {
             None => Ok(()),
             Some((sample, value)) => Err(Error::NotFinite {
@@ -63,9 +65,44 @@ impl SampleBlock {
     }
 }
 
-/// A sample that a batch offers.
+impl Row for SampleBlock {
+    const TABLE: &'static str = "sample_block";
+
+    fn key(&self) -> String {
+        format!("first_sample {} of {}", self.first_sample, self.stream)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .stream(self.stream)
+            .count("first_sample", self.first_sample)
+            .outcomes("samples", &self.samples);
+    }
+}
+
+/// A set of streams.
 #[derive(Debug, Clone, Copy)]
-struct Offered {
+pub(crate) enum Streams {
+    /// The designs of the DoE.
+    Designs,
+    One(StreamId),
+    All,
+}
+
+impl Streams {
+    /// The least and the greatest key.
+    pub(crate) fn keys(self) -> (i64, i64) {
+        match self {
+            Self::Designs => (0, key(StreamId::point(0)) - 1),
+            Self::One(stream) => (key(stream), key(stream)),
+            Self::All => (0, i64::MAX),
+        }
+    }
+}
+
+/// A sample of a batch.
+#[derive(Debug, Clone, Copy)]
+struct Offer {
     /// The index of the batch's receipt.
     owner: usize,
     stream: StreamId,
@@ -73,146 +110,112 @@ struct Offered {
     value: f64,
 }
 
-impl Offered {
-    fn place(&self) -> (StreamId, u64) {
-        (self.stream, self.sample)
-    }
-}
-
-/// Stores the new samples of batches, updates the receipt of each batch, and adds the samples to
-/// the tallies.
+/// Stores the new samples of batches, each given with the index of its receipt, and updates the tallies.
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
-    batches: &[&Batch],
+    batches: &[(usize, &Batch)],
     receipts: &mut [Receipt],
 ) -> Result<(), Error> {
-    let mut offered: Vec<Offered> = Vec::new();
-    for (owner, batch) in batches.iter().enumerate() {
+    let mut offers: Vec<Offer> = Vec::new();
+    for (owner, batch) in batches {
         for block in &batch.samples {
-            let stream = block.stream;
-            offered.extend(block.indexed().map(|(sample, value)| Offered {
-                owner,
-                stream,
+            block.refuse_unstorable()?;
+            offers.extend(block.indexed().map(|(sample, value)| Offer {
+                owner: *owner,
+                stream: block.stream,
                 sample,
-                value,
+                value: number(value),
             }));
         }
     }
-    if offered.is_empty() {
+    // The sort is stable: a sample in two batches counts as new for the first.
+    offers.sort_by_key(|offer| (offer.stream, offer.sample));
+    for offers in offers.chunk_by(|a, b| a.stream == b.stream) {
+        insert_of_one(connection, offers, receipts).await?;
+    }
+    Ok(())
+}
+
+/// Stores the new ones of samples of one stream, which are sorted.
+async fn insert_of_one(
+    connection: &mut Connection<'_>,
+    offers: &[Offer],
+    receipts: &mut [Receipt],
+) -> Result<(), Error> {
+    let (Some(first), Some(last)) = (offers.first(), offers.last()) else {
+        return Ok(());
+    };
+    let stream = first.stream;
+    let tally = tally::one(connection, stream).await?;
+    let stored = match tally {
+        Some(tally) if first.sample <= tally.last => {
+            between(connection, stream, first.sample, last.sample).await?
+        }
+        Some(_) => Vec::new(),
+        None => {
+            refuse_unknown_design(connection, stream).await?;
+            Vec::new()
+        }
+    };
+    let fresh = fresh(&stored, offers, receipts)?;
+    if fresh.is_empty() {
         return Ok(());
     }
-    // The sort is stable: a sample in two batches counts as new for the first.
-    offered.sort_by_key(Offered::place);
-    refuse_unknown_designs(connection, &offered).await?;
-    let held = held(connection, &offered).await?;
-    let fresh = fresh(&held, &offered, receipts)?;
-    let mut tallies = Tallies::default();
-    fresh.iter().for_each(|block| tallies.add(block));
-    write(connection, &fresh).await?;
-    tallies.write(connection).await
+    write(connection, tally.unwrap_or_default(), &fresh).await
 }
 
-async fn refuse_unknown_designs(
+async fn refuse_unknown_design(
     connection: &mut Connection<'_>,
-    offered: &[Offered],
+    stream: StreamId,
 ) -> Result<(), Error> {
-    let of_each = offered.chunk_by(|a, b| a.stream == b.stream);
-    let designs = of_each.filter_map(|of_one| {
-        let stream = of_one.first()?.stream;
-        (stream.kind == Kind::Design).then(|| format!("[{}]", stream.index))
-    });
-    let designs = format!("[{}]", designs.collect::<Vec<_>>().join(","));
-    let unknown = connection
-        .optional(
-            "look for designs",
-            sqlx::query!(
-                r#"SELECT of.value ->> 0 AS "design!: i64" FROM json_each(?) AS of
-                   WHERE of.value ->> 0 NOT IN (SELECT design FROM design) LIMIT 1"#,
-                designs,
-            ),
-        )
-        .await?;
-    match unknown {
-        None => Ok(()),
-        Some(row) => Err(Error::UnknownDesign {
-            design: row.design.cast_unsigned(),
-        }),
+    if stream.kind == Kind::Design && designs::one(connection, stream.index).await?.is_none() {
+        let design = stream.index;
+        return Err(Error::UnknownDesign { design });
     }
+    Ok(())
 }
 
-/// The offered samples that are not stored yet. Both inputs are sorted.
+/// The offered samples that are not stored yet, as blocks. Both inputs are sorted.
 fn fresh(
-    held: &[SampleBlock],
-    offered: &[Offered],
+    stored: &[SampleBlock],
+    offers: &[Offer],
     receipts: &mut [Receipt],
 ) -> Result<Vec<SampleBlock>, Error> {
-    let held = held.iter().flat_map(|block| {
-        let of_block = block.indexed();
-        of_block.map(|(sample, value)| ((block.stream, sample), value))
-    });
-    let mut held = held.peekable();
+    let mut stored = stored.iter().flat_map(SampleBlock::indexed).peekable();
     let mut fresh = Vec::new();
     let mut last = None;
-    for one in offered {
-        while held.next_if(|(place, _)| *place < one.place()).is_some() {}
-        let mut known = held.peek().into_iter().chain(&last);
-        if let Some((_, known)) = known.find(|(place, _)| *place == one.place()) {
-            agree(*known, one)?;
-            receipts[one.owner].duplicate_rows += 1;
-        } else {
-            append(&mut fresh, one.stream, one.sample, one.value);
-            last = Some((one.place(), one.value));
-            receipts[one.owner].new_rows += 1;
+    for offer in offers {
+        while stored
+            .next_if(|(sample, _)| *sample < offer.sample)
+            .is_some()
+        {}
+        let mut known = stored.peek().into_iter().chain(&last);
+        match known.find(|(sample, _)| *sample == offer.sample) {
+            Some((_, value)) if value.to_bits() == offer.value.to_bits() => {
+                receipts[offer.owner].count(false);
+            }
+            Some((_, value)) => {
+                return Err(Error::Conflict {
+                    stream: offer.stream,
+                    sample: offer.sample,
+                    stored: *value,
+                    offered: offer.value,
+                });
+            }
+            None => {
+                append(&mut fresh, offer.stream, offer.sample, offer.value);
+                last = Some((offer.sample, offer.value));
+                receipts[offer.owner].count(true);
+            }
         }
     }
     Ok(fresh)
 }
 
-/// The stored blocks between the first and last offered sample of each stream. The samples are
-/// sorted.
-async fn held(
-    connection: &mut Connection<'_>,
-    offered: &[Offered],
-) -> Result<Vec<SampleBlock>, Error> {
-    let of_each = offered.chunk_by(|a, b| a.stream == b.stream);
-    let spans = of_each.filter_map(|of_one| {
-        let (first, last) = (of_one.first()?, of_one.last()?);
-        let key = first.stream.key();
-        Some(format!("[{key},{},{}]", first.sample, last.sample))
-    });
-    let spans = format!("[{}]", spans.collect::<Vec<_>>().join(","));
-    // The first block that may overlap is the last one that begins at or before the first sample.
-    let filter = "WHERE (stream, first_sample) IN (
-        SELECT held.stream, held.first_sample
-        FROM json_each(?) AS span CROSS JOIN sample_block AS held
-        WHERE held.stream = span.value ->> 0
-          AND held.first_sample <= span.value ->> 2
-          AND held.first_sample >= coalesce(
-                (SELECT max(first_sample) FROM sample_block
-                 WHERE stream = span.value ->> 0 AND first_sample <= span.value ->> 1), 0)
-          AND held.first_sample + length(held.samples) / 8 > span.value ->> 1)";
-    keyed::all_where(connection, filter, &[Value::Text(&spans)]).await
-}
-
-fn agree(held: f64, offered: &Offered) -> Result<(), Error> {
-    match differ(held, offered.value) {
-        None => Ok(()),
-        Some((held, value)) => Err(Error::Conflict {
-            stream: offered.stream,
-            sample: offered.sample,
-            held,
-            offered: value,
-        }),
-    }
-}
-
 /// Appends a sample to the last block, or begins a new one. Samples arrive in order.
 fn append(blocks: &mut Vec<SampleBlock>, stream: StreamId, sample: u64, value: f64) {
-    let value = number(value);
     match blocks.last_mut() {
-        Some(block)
-            if (block.stream, block.end()) == (stream, sample) && block.samples.len() < LONGEST =>
-        {
+        Some(block) if block.end() == sample && block.samples.len() < LONGEST => {
             block.samples.push(value);
         }
         _ => blocks.push(SampleBlock {
@@ -223,86 +226,113 @@ fn append(blocks: &mut Vec<SampleBlock>, stream: StreamId, sample: u64, value: f
     }
 }
 
-/// Inserts blocks with one statement: the values as one byte array, and the place of each block in
-/// it.
-async fn write(connection: &mut Connection<'_>, blocks: &[SampleBlock]) -> Result<(), Error> {
-    if blocks.is_empty() {
-        return Ok(());
-    }
-    let mut values = Vec::new();
-    let mut places = Vec::with_capacity(blocks.len());
+/// Stores new blocks of one stream, whose tally before is given.
+async fn write(
+    connection: &mut Connection<'_>,
+    mut tally: SampleTally,
+    blocks: &[SampleBlock],
+) -> Result<(), Error> {
     for block in blocks {
-        let (from, length, seal) = (values.len() + 1, 8 * block.samples.len(), block.seal());
-        let (key, first) = (block.stream.key(), block.first_sample);
-        places.push(format!("[{key},{first},{seal},{from},{length}]"));
-        values.extend(block.samples.iter().flat_map(|value| value.to_le_bytes()));
+        insert_block(connection, block).await?;
+        tally.add(block);
     }
-    let places = format!("[{}]", places.join(","));
+    match blocks.first() {
+        Some(block) => tally::replace(connection, block.stream, tally).await,
+        None => Ok(()),
+    }
+}
+
+async fn insert_block(connection: &mut Connection<'_>, block: &SampleBlock) -> Result<(), Error> {
+    let seal = row::seal(block)?;
+    let (stream, first) = (key(block.stream), block.first_sample.cast_signed());
+    let samples = bytes(&block.samples);
     let query = sqlx::query!(
-        "INSERT INTO sample_block (stream, first_sample, seal, samples)
-         SELECT value ->> 0, value ->> 1, value ->> 2, substr(?1, value ->> 3, value ->> 4)
-         FROM json_each(?2)",
-        values,
-        places,
+        "INSERT INTO sample_block (stream, first_sample, samples, seal) VALUES (?, ?, ?, ?)",
+        stream,
+        first,
+        samples,
+        seal,
     );
-    connection.insert(SampleBlock::NAME, query).await.map(drop)
+    connection.insert(SampleBlock::TABLE, query).await.map(drop)
 }
 
-/// Which streams are meant.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Of {
-    /// The designs of the DoE.
-    Designs,
-    /// One stream.
-    One(StreamId),
-    /// All.
-    All,
+/// The stored blocks that may have samples `first..=last` of a stream.
+async fn between(
+    connection: &mut Connection<'_>,
+    stream: StreamId,
+    first: u64,
+    last: u64,
+) -> Result<Vec<SampleBlock>, Error> {
+    let key = key(stream);
+    let (first, last) = (first.cast_signed(), last.cast_signed());
+    // The first block that may overlap is the last one that begins at or before the first sample.
+    let query = sqlx::query!(
+        r#"SELECT first_sample AS "first_sample!: u64", samples AS "samples: Numbers", seal
+           FROM sample_block
+           WHERE stream = ?1 AND first_sample <= ?3 AND first_sample >= coalesce(
+                 (SELECT max(first_sample) FROM sample_block
+                  WHERE stream = ?1 AND first_sample <= ?2), 0)
+           ORDER BY first_sample"#,
+        key,
+        first,
+        last,
+    );
+    let rows = connection.all(READING, query).await?;
+    rows.into_iter()
+        .map(|row| {
+            let block = SampleBlock {
+                stream,
+                first_sample: row.first_sample,
+                samples: row.samples.0,
+            };
+            connection.check(block, row.seal)
+        })
+        .collect()
 }
 
-impl Of {
-    /// The least and the greatest key.
-    pub(crate) fn keys(self) -> (u64, u64) {
-        match self {
-            Self::Designs => (0, StreamId::point(0).key() - 1),
-            Self::One(stream) => (stream.key(), stream.key()),
-            Self::All => (0, i64::MAX.cast_unsigned()),
-        }
-    }
-}
-
-/// Passes the blocks of streams to `visit`, ordered by stream and sample, and compares them with the tallies of the
-/// same moment.
+/// Passes the blocks of streams to `visit`, ordered by stream and sample, and compares their number with the tallies
+/// of the same moment.
 pub(crate) async fn visit<E: From<Error>>(
     connection: &mut Connection<'_>,
-    of: Of,
+    streams: Streams,
     mut visit: impl FnMut(&SampleBlock) -> Result<(), E>,
 ) -> Result<(), E> {
     let mut moment = connection.moment().await?;
     let path = moment.shared_path();
-    let mut next = None;
-    let mut found = Tallies::default();
-    let (first, last) = of.keys();
-    let keys = keyed::arguments(&moment, &[Value::Bits(first), Value::Bits(last)])?;
-    let each = |block: SampleBlock| {
-        if next.is_some_and(|next| (block.stream, block.first_sample) < next) {
-            return Err(overlap(&path, &block).into());
-        }
-        next = Some((block.stream, block.end()));
-        found.add(&block);
-        visit(&block)
-    };
-    keyed::visit(&mut moment, "WHERE stream BETWEEN ? AND ?", keys, each).await?;
-    tally::compare(&mut moment, of, &found).await?;
+    let tallies = tally::all(&mut moment, streams).await?;
+    let mut counted: BTreeMap<StreamId, SampleTally> = BTreeMap::new();
+    let (first, last) = streams.keys();
+    let query = sqlx::query!(
+        r#"SELECT stream AS "stream: StreamKey", first_sample AS "first_sample: u64",
+                  samples AS "samples: Numbers", seal
+           FROM sample_block WHERE stream BETWEEN ? AND ? ORDER BY stream, first_sample"#,
+        first,
+        last,
+    );
+    let mut rows = moment.stream(READING, query);
+    while let Some(row) = rows.next().await {
+        let row = row?;
+        let block = SampleBlock {
+            stream: row.stream.0,
+            first_sample: row.first_sample,
+            samples: row.samples.0,
+        };
+        let block = row::check(block, row.seal, &path)?;
+        counted.entry(block.stream).or_default().count(&block);
+        visit(&block)?;
+    }
+    drop(rows);
+    tally::compare(&moment, &tallies, &counted)?;
     Ok(moment.commit().await?)
 }
 
 /// The samples of one stream, as (index, value).
-pub(crate) async fn of_stream(
+pub(crate) async fn of(
     connection: &mut Connection<'_>,
     stream: StreamId,
 ) -> Result<Vec<(u64, f64)>, Error> {
     let mut samples = Vec::new();
-    visit(connection, Of::One(stream), |block| {
+    visit(connection, Streams::One(stream), |block| {
         samples.extend(block.indexed());
         Ok::<(), Error>(())
     })
@@ -310,47 +340,36 @@ pub(crate) async fn of_stream(
     Ok(samples)
 }
 
-/// Removes the samples of streams, and counts them.
-pub(crate) async fn remove(connection: &mut Connection<'_>, of: Of) -> Result<(), Error> {
-    let (first, last) = of.keys();
-    for statement in [
+/// Removes the samples of streams and their tallies.
+pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) -> Result<(), Error> {
+    let (first, last) = streams.keys();
+    let query = sqlx::query!(
         "DELETE FROM sample_block WHERE stream BETWEEN ? AND ?",
-        "DELETE FROM sample_tally WHERE stream BETWEEN ? AND ?",
-    ] {
-        let query = sqlx::query(statement).bind(first.cast_signed());
-        connection
-            .execute(crate::derived::REMOVING, query.bind(last.cast_signed()))
-            .await?;
-    }
-    Ok(())
+        first,
+        last
+    );
+    connection.remove(query).await?;
+    tally::remove(connection, streams).await
 }
 
 /// Removes the samples that failed, and returns their number.
 pub(crate) async fn remove_failed(connection: &mut Connection<'_>) -> Result<u64, Error> {
     let mut removed = 0;
-    for (stream, tally) in tally::all(connection, Of::All).await? {
+    for (stream, tally) in tally::all(connection, Streams::All).await? {
         if tally.failed == 0 {
             continue;
         }
         removed += tally.failed;
         let mut kept = Vec::new();
-        for (sample, value) in of_stream(connection, stream).await? {
+        for (sample, value) in of(connection, stream).await? {
             if value.is_finite() {
                 append(&mut kept, stream, sample, value);
             }
         }
-        remove(connection, Of::One(stream)).await?;
-        write(connection, &kept).await?;
-        let mut tallies = Tallies::default();
-        kept.iter().for_each(|block| tallies.add(block));
-        tallies.write(connection).await?;
+        remove(connection, Streams::One(stream)).await?;
+        write(connection, SampleTally::default(), &kept).await?;
     }
     Ok(removed)
-}
-
-fn overlap(path: &Path, block: &SampleBlock) -> Error {
-    let detail = "it overlaps the block before it: something else than this program has written it";
-    Error::damaged_rows(path, SampleBlock::NAME, block.name(), detail)
 }
 
 #[cfg(test)]
@@ -367,36 +386,37 @@ mod tests {
         }
     }
 
-    /// The seal fits, so the block was written by a fault of this program or by another program
-    /// that seals.
+    /// The digest fits, so the block was written by a fault of this program or by another program
+    /// that computes it.
     #[tokio::test]
-    async fn a_block_that_overlaps_another_is_named() {
+    async fn a_block_that_was_never_acknowledged_is_found() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("campaign.db");
         filled(&path, 10).await;
         let options = crate::open::writing(&path);
         let path = path.as_path().into();
         let mut connection = Connection::open(&options, &path).await.unwrap();
-        write(&mut connection, &[block(9, &[1.0, 1.0])])
+        insert_block(&mut connection, &block(9, &[1.0, 1.0]))
             .await
             .unwrap();
         connection.close().await.unwrap();
         let error = Store::open_read_only(&path).await.unwrap_err().to_string();
-        let place = "table sample_block, row first_sample 9 of design-0: it overlaps";
+        let place =
+            "table sample_block, row one of design-0: the stored samples (12 up to number 10";
         assert!(error.contains(place), "{error}");
     }
 
     #[test]
-    fn what_is_held_or_came_before_is_not_fresh() {
-        let offered = [(0, 4), (1, 4), (0, 5), (1, 6), (1, 8)].map(|(owner, sample)| Offered {
+    fn what_is_stored_or_came_before_is_not_fresh() {
+        let offers = [(0, 4), (1, 4), (0, 5), (1, 6), (1, 8)].map(|(owner, sample)| Offer {
             owner,
             stream: StreamId::design(0),
             sample,
             value: sample as f64,
         });
         let mut receipts = [Receipt::default(); 2];
-        let held = [block(2, &[2.0, 3.0]), block(5, &[5.0])];
-        let fresh = fresh(&held, &offered, &mut receipts).unwrap();
+        let stored = [block(2, &[2.0, 3.0]), block(5, &[5.0])];
+        let fresh = fresh(&stored, &offers, &mut receipts).unwrap();
         assert_eq!(
             fresh,
             [block(4, &[4.0]), block(6, &[6.0]), block(8, &[8.0])]

@@ -6,9 +6,9 @@ use std::path::Path;
 
 use sqlx::migrate::{MigrateError, Migrator};
 
-use crate::check::Reading;
 use crate::connection::Connection;
-use crate::{Error, fail_point, query};
+use crate::integrity::ReadOptions;
+use crate::{Error, fail_point};
 
 static MIGRATOR: Migrator = sqlx::migrate!("../../migrations");
 
@@ -54,9 +54,9 @@ pub(crate) fn is_marked(path: &Path) -> Result<bool, Error> {
 }
 
 /// Checks that the file is a store with this program's schema, and returns a reading connection.
-pub(crate) async fn inspect(reading: &Reading) -> Result<Connection<'static>, Error> {
-    let path = &reading.path;
-    let mut connection = Connection::open(&reading.options, path).await?;
+pub(crate) async fn inspect(file: &ReadOptions) -> Result<Connection<'static>, Error> {
+    let path = &file.path;
+    let mut connection = file.connect().await?;
     let application_id: Vec<i64> = connection
         .pragma("read the schema", "PRAGMA application_id")
         .await?;
@@ -67,9 +67,10 @@ pub(crate) async fn inspect(reading: &Reading) -> Result<Connection<'static>, Er
             application_id,
         });
     }
-    let held = query::migrations(&mut connection).await?;
-    let ours = MIGRATOR.iter().map(|m| (m.version, &*m.checksum));
-    if !ours.eq(held.iter().map(|(version, sum)| (*version, &**sum))) {
+    let query = sqlx::query!("SELECT version, checksum FROM _sqlx_migrations ORDER BY version");
+    let applied = connection.all("read the schema", query).await?;
+    let ours = MIGRATOR.iter().map(|m| (Some(m.version), &*m.checksum));
+    if !ours.eq(applied.iter().map(|row| (row.version, &*row.checksum))) {
         return Err(Error::OtherSchema {
             path: path.to_path_buf(),
         });

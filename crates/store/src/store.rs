@@ -7,20 +7,29 @@ use std::sync::Arc;
 use ledger::{Kind, StreamId};
 
 use crate::Error;
-use crate::check::Verdict;
+use crate::batch::Receipt;
+use crate::campaign::{self, CampaignRow};
+use crate::change::Change;
 use crate::connection::{Connection, Readers};
-use crate::derived::{Derivation, Derived};
-use crate::keyed::{self, Value};
-use crate::query;
-use crate::rounds::{InfillRow, NewRound, RoundRow};
-use crate::rows::{
-    CampaignRow, CriteriaRow, DesignRow, EvaluationRow, FailureGroup, FailureRow, JobTimeRow,
-    MissingWork, ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow,
-    StageTimeRow, StreamHistory,
-};
-use crate::samples::{self, Of, SampleBlock};
+use crate::criteria::{self, CriteriaRow};
+use crate::derived::{self, Derivation, Derived};
+use crate::designs::{self, DesignRow};
+use crate::evaluations::{self, EvaluationRow};
+use crate::failures::{self, FailureGroup, FailureRow, StreamHistory};
+use crate::generations;
+use crate::infill::{self, InfillRow};
+use crate::integrity::Integrity;
+use crate::missing::{self, MissingWork};
+use crate::models::{self, ModelRow};
+use crate::optima::{self, OptimumRow};
+use crate::progress::{self, Progress};
+use crate::responses::{self, ResponseRow};
+use crate::rounds::{self, NewRound, RoundRow};
+use crate::runs::{self, OptimiserRunRow};
+use crate::samples::{self, SampleBlock, Streams};
 use crate::tally::{self, SampleTally};
-use crate::writer::{Rows, Writer};
+use crate::times::{self, JobTimeRow, StageTimeRow};
+use crate::writer::Writer;
 
 /// A campaign's store, open for reading or for reading and writing. Clones share one writer and one
 /// lock.
@@ -34,7 +43,7 @@ pub struct Store {
     pub(crate) readers: Readers,
     /// `None` when opened for reading.
     pub(crate) writer: Option<Writer>,
-    pub(crate) verdict: Verdict,
+    pub(crate) integrity: Integrity,
 }
 
 impl Store {
@@ -63,7 +72,7 @@ impl Store {
             path: Arc::clone(&self.path),
             readers: self.readers.snapshot(&self.path).await?,
             writer: None,
-            verdict: self.verdict.clone(),
+            integrity: self.integrity.clone(),
         })
     }
 
@@ -76,20 +85,20 @@ impl Store {
     /// [`Error::Damaged`], [`Error::DamagedRows`] or [`Error::Lost`], or [`Error::Sqlite`] when the
     /// check could not be made.
     pub fn checked(&self) -> impl Future<Output = Result<(), Error>> + Send + use<> {
-        self.verdict.clone().on_everything()
+        self.integrity.clone().checked()
     }
 
     /// Whether the rows that the file had when it was opened have been compared with their digests
     /// without a difference. Rows stored since then are not read again.
     pub fn is_checked(&self) -> bool {
-        self.verdict.is_sound()
+        self.integrity.is_sound()
     }
 
     /// Waits for an error that [`checked`](Store::checked) would return, or for the removal of the
     /// file or its log, which the writer notices at its next commit or within a second. Does not
     /// return while there is no error.
     pub fn damaged(&self) -> impl Future<Output = Error> + Send + use<> {
-        self.verdict.clone().on_damage()
+        self.integrity.clone().damaged()
     }
 
     /// Commits the queued submissions, copies the log to the file and releases the lock.
@@ -111,7 +120,7 @@ impl Store {
 
     /// The campaign of the store.
     pub async fn campaign(&self) -> Result<CampaignRow, Error> {
-        query::campaign(&mut self.reader().await?).await
+        campaign::read(&mut self.reader().await?).await
     }
 
     /// Records the digest of the gear model that fills the store. The first call decides it.
@@ -124,14 +133,14 @@ impl Store {
         if self.writer.is_some() && self.campaign().await?.model_digest.as_deref() == Some(digest) {
             return Ok(());
         }
-        self.put(Rows::ModelDigest(digest.to_owned()))
+        self.put(Change::ModelDigest(digest.to_owned()))
             .await
             .map(drop)
     }
 
     /// All designs.
     pub async fn designs(&self) -> Result<Vec<DesignRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        designs::all(&mut self.reader().await?).await
     }
 
     /// Stores all of these designs or none. The first write wins.
@@ -140,17 +149,17 @@ impl Store {
     ///
     /// [`Error::DesignConflict`] if one is stored with other variables.
     pub async fn put_designs(&self, rows: &[DesignRow]) -> Result<Receipt, Error> {
-        self.put(Rows::Designs(rows.to_vec())).await
+        self.put(Change::Designs(rows.to_vec())).await
     }
 
     /// The criteria of all designs that have them.
     pub async fn criteria(&self) -> Result<Vec<CriteriaRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        criteria::all(&mut self.reader().await?).await
     }
 
     /// The number of samples of each design, as (design, samples), including designs without any.
     pub async fn sampled_counts(&self) -> Result<Vec<(u64, u64)>, Error> {
-        query::sampled_counts(&mut self.reader().await?).await
+        progress::sampled_counts(&mut self.reader().await?).await
     }
 
     /// The work missing until every design has its criteria and every simulable design its samples
@@ -161,12 +170,12 @@ impl Store {
         samples_per_design: u64,
         more: &BTreeMap<u64, u64>,
     ) -> Result<Vec<MissingWork>, Error> {
-        query::missing_work(&mut self.reader().await?, samples_per_design, more).await
+        missing::work(&mut self.reader().await?, samples_per_design, more).await
     }
 
     /// The samples of a design, an optimum or an infill point, as (index, value).
     pub async fn samples_of(&self, stream: StreamId) -> Result<Vec<(u64, f64)>, Error> {
-        samples::of_stream(&mut self.reader().await?, stream).await
+        samples::of(&mut self.reader().await?, stream).await
     }
 
     /// The values of the samples of a design, an optimum or an infill point, in order of their indices.
@@ -177,7 +186,7 @@ impl Store {
 
     /// What is known of the samples of each stream that has any, without reading them.
     pub async fn sample_tallies(&self) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
-        tally::all(&mut self.reader().await?, Of::All).await
+        tally::all(&mut self.reader().await?, Streams::All).await
     }
 
     /// Passes the samples of all designs to `visit`, ordered by design and sample, without holding all of them in
@@ -191,7 +200,7 @@ impl Store {
         visit: impl FnMut(&SampleBlock) -> Result<(), E>,
     ) -> Result<(), E> {
         let mut reader = self.reader().await?;
-        samples::visit(&mut reader, Of::Designs, visit).await
+        samples::visit(&mut reader, Streams::Designs, visit).await
     }
 
     /// The digest of all samples, as 64 hex digits. It is read, not computed.
@@ -206,7 +215,7 @@ impl Store {
     /// accidents, such as samples that differ, are lost or are stored twice. It is not a signature:
     /// anybody who can choose samples freely can construct two tables with the same sum.
     pub async fn samples_digest(&self) -> Result<String, Error> {
-        let tallies = tally::all(&mut self.reader().await?, Of::Designs).await?;
+        let tallies = tally::all(&mut self.reader().await?, Streams::Designs).await?;
         Ok(tally::sum(tallies.values()).to_hex())
     }
 
@@ -223,24 +232,24 @@ impl Store {
 
     /// The responses of all designs that have one.
     pub async fn responses(&self) -> Result<Vec<ResponseRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        responses::all(&mut self.reader().await?).await
     }
 
     /// The digest of the criteria of all designs. It does not depend on their order.
     pub async fn criteria_digest(&self) -> Result<String, Error> {
-        query::criteria_digest(&mut self.reader().await?).await
+        criteria::digest(&mut self.reader().await?).await
     }
 
     /// What each derived result was computed from, by name.
     pub async fn derivations(&self) -> Result<BTreeMap<String, Derivation>, Error> {
-        let rows: Vec<Derivation> = keyed::all(&mut self.reader().await?).await?;
+        let rows = derived::all(&mut self.reader().await?).await?;
         let named = |row: Derivation| (row.name.clone(), row);
         Ok(rows.into_iter().map(named).collect())
     }
 
     /// Stores what [`Derived::Samples`] depend on, before there are any.
     pub async fn put_derivation(&self, derivation: &Derivation) -> Result<(), Error> {
-        self.put(Rows::Derivation(derivation.clone()))
+        self.put(Change::Derivation(derivation.clone()))
             .await
             .map(drop)
     }
@@ -249,7 +258,7 @@ impl Store {
     /// and the samples of infill points. The samples of an optimum stay, for the case that the same design is
     /// chosen again; those of another design go when their generation changes.
     pub async fn remove(&self, results: &[Derived]) -> Result<(), Error> {
-        self.put(Rows::Removal(results.to_vec())).await.map(drop)
+        self.put(Change::Removal(results.to_vec())).await.map(drop)
     }
 
     /// Removes what stands for failures, so that it is computed again: infinite samples, and criteria and
@@ -257,7 +266,7 @@ impl Store {
     /// is removed.
     /// Returns the number of rows removed.
     pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
-        let receipt = self.put(Rows::NoFailures(reason.to_owned())).await?;
+        let receipt = self.put(Change::NoFailures(reason.to_owned())).await?;
         Ok(receipt.new_rows)
     }
 
@@ -267,20 +276,19 @@ impl Store {
         rows: &[ResponseRow],
         derivation: &Derivation,
     ) -> Result<Receipt, Error> {
-        let rows = Rows::Responses(rows.to_vec(), derivation.clone());
-        self.put(rows).await
+        let change = Change::Responses(rows.to_vec(), derivation.clone());
+        self.put(change).await
     }
 
     /// The model with this name, if it is stored.
     pub async fn model(&self, name: &str) -> Result<Option<ModelRow>, Error> {
         let mut reader = self.reader().await?;
-        let models = keyed::all_where(&mut reader, "WHERE name = ?", &[Value::Text(name)]).await?;
-        Ok(models.into_iter().next())
+        Ok(models::named(&mut reader, Some(name)).await?.pop())
     }
 
     /// All models.
     pub async fn models(&self) -> Result<Vec<ModelRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        models::named(&mut self.reader().await?, None).await
     }
 
     /// Replaces the model; without a row, the derivation says why the fit has failed.
@@ -289,13 +297,13 @@ impl Store {
         row: Option<&ModelRow>,
         derivation: &Derivation,
     ) -> Result<(), Error> {
-        let rows = Rows::Model(row.cloned(), derivation.clone());
-        self.put(rows).await.map(drop)
+        let change = Change::Model(row.cloned(), derivation.clone());
+        self.put(change).await.map(drop)
     }
 
     /// All optimiser runs.
     pub async fn optimiser_runs(&self) -> Result<Vec<OptimiserRunRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        runs::all(&mut self.reader().await?).await
     }
 
     /// The evaluations of a run or an infill point, from the `first` one on.
@@ -304,20 +312,17 @@ impl Store {
         stream: StreamId,
         first: u64,
     ) -> Result<Vec<EvaluationRow>, Error> {
-        let mut reader = self.reader().await?;
-        let of_run = "WHERE stream = ? AND evaluation >= ?";
-        let parameters = [Value::Stream(stream), Value::Count(first)];
-        keyed::all_where(&mut reader, of_run, &parameters).await
+        evaluations::of(&mut self.reader().await?, stream, first).await
     }
 
     /// Removes the evaluations of a run that belong to another search.
     pub async fn clear_evaluations(&self, stream: StreamId) -> Result<(), Error> {
-        self.put(Rows::NoEvaluations(stream)).await.map(drop)
+        self.put(Change::NoEvaluations(stream)).await.map(drop)
     }
 
     /// All optima.
     pub async fn optima(&self) -> Result<Vec<OptimumRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        optima::all(&mut self.reader().await?).await
     }
 
     /// Stores an optimum, replacing the one of its approach.
@@ -326,18 +331,18 @@ impl Store {
         row: &OptimumRow,
         derivation: &Derivation,
     ) -> Result<(), Error> {
-        let rows = Rows::Optimum(Box::new(row.clone()), derivation.clone());
-        self.put(rows).await.map(drop)
+        let change = Change::Optimum(Box::new(row.clone()), derivation.clone());
+        self.put(change).await.map(drop)
     }
 
     /// All rounds of infill.
     pub async fn rounds(&self) -> Result<Vec<RoundRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        rounds::all(&mut self.reader().await?).await
     }
 
     /// The points of all rounds.
     pub async fn infill(&self) -> Result<Vec<InfillRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        infill::all(&mut self.reader().await?).await
     }
 
     /// Stores a round with its points and marks the earlier points that it found to have failed,
@@ -348,24 +353,24 @@ impl Store {
     /// [`Error::Constraint`] if the round or one of its points is stored already: a round is
     /// decided once.
     pub async fn put_round(&self, new: &NewRound, derivation: &Derivation) -> Result<(), Error> {
-        let rows = Rows::Round(new.clone(), derivation.clone());
-        self.put(rows).await.map(drop)
+        let change = Change::Round(new.clone(), derivation.clone());
+        self.put(change).await.map(drop)
     }
 
     /// The number and the digest of the evaluations of each run or infill point that has any.
     pub async fn evaluated(&self) -> Result<BTreeMap<StreamId, (u64, String)>, Error> {
-        query::evaluated(&mut self.reader().await?).await
+        evaluations::digests(&mut self.reader().await?).await
     }
 
     /// The wanted generation of each stream.
     pub async fn generations(&self) -> Result<BTreeMap<StreamId, u64>, Error> {
-        query::generations(&mut self.reader().await?).await
+        generations::all(&mut self.reader().await?).await
     }
 
     /// Sets the wanted generations of these streams, all or nothing. If another generation was
     /// wanted before, the samples of that point are removed.
     pub async fn put_generations(&self, rows: &[(StreamId, u64)]) -> Result<(), Error> {
-        self.put(Rows::Generations(rows.to_vec())).await.map(drop)
+        self.put(Change::Generations(rows.to_vec())).await.map(drop)
     }
 
     /// Replaces the campaign by a larger one and removes the responses, all or nothing. Everything else is
@@ -381,55 +386,61 @@ impl Store {
     /// [`Error::OtherSeed`] if the seed differs: the stored samples would not be samples of that
     /// campaign.
     pub async fn extend(&self, campaign: &CampaignRow) -> Result<(), Error> {
-        self.put(Rows::Extension(campaign.clone())).await.map(drop)
+        self.put(Change::Extension(campaign.clone()))
+            .await
+            .map(drop)
     }
 
     /// The costs of the finished jobs.
     pub async fn job_times(&self) -> Result<Vec<JobTimeRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        times::jobs(&mut self.reader().await?).await
     }
 
     /// Wall times of the stages, by name.
     pub async fn stage_times(&self) -> Result<Vec<StageTimeRow>, Error> {
-        keyed::all(&mut self.reader().await?).await
+        times::stages(&mut self.reader().await?).await
     }
 
     /// Stores the wall time of a stage, replacing the stored one.
     pub async fn put_stage_time(&self, row: &StageTimeRow) -> Result<(), Error> {
-        self.put(Rows::StageTime(row.clone())).await.map(drop)
+        self.put(Change::StageTime(row.clone())).await.map(drop)
     }
 
     /// All crashes, failures and quarantines, in the order in which they were stored.
     pub async fn failures(&self) -> Result<Vec<FailureRow>, Error> {
-        query::failures(&mut self.reader().await?).await
+        failures::all(&mut self.reader().await?).await
     }
 
     /// Whether the failure with this number of its worker is stored.
     pub async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, Error> {
-        query::knows_failure(&mut self.reader().await?, worker, serial).await
+        failures::is_known(&mut self.reader().await?, worker, serial).await
     }
 
     /// The crashes and failures of each stream, without those of leases that had other streams, too.
     pub async fn stream_histories(&self) -> Result<Vec<StreamHistory>, Error> {
-        query::stream_histories(&mut self.reader().await?).await
+        failures::histories(&mut self.reader().await?).await
     }
 
     /// The failures, grouped and ordered by kind and then by cause.
     pub async fn failure_groups(&self) -> Result<Vec<FailureGroup>, Error> {
-        query::failure_groups(&mut self.reader().await?).await
+        failures::groups(&mut self.reader().await?).await
     }
 
     /// The progress of the campaign. It counts designs, but takes the number of samples from the
     /// tallies.
     pub async fn progress(&self) -> Result<Progress, Error> {
-        query::progress(&mut self.reader().await?).await
+        progress::read(&mut self.reader().await?).await
     }
 
     async fn reader(&self) -> Result<Connection<'static>, Error> {
         self.readers.acquire(&self.path).await
     }
 
-    async fn put(&self, rows: Rows) -> Result<Receipt, Error> {
-        self.writer.as_ref().ok_or(Error::ReadOnly)?.put(rows).await
+    async fn put(&self, change: Change) -> Result<Receipt, Error> {
+        self.writer
+            .as_ref()
+            .ok_or(Error::ReadOnly)?
+            .put(change)
+            .await
     }
 }

@@ -1,23 +1,22 @@
-//! Counts and digests of samples and failures, which are known without reading the rows.
+//! Counts and digests of the samples of each stream, which are known without reading the samples.
 
 use std::collections::BTreeMap;
 
 use ledger::StreamId;
 
 use crate::Error;
-use crate::cause::cause;
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
-use crate::keyed::Table as _;
-use crate::query;
-use crate::samples::{Of, SampleBlock};
+use crate::row::{self, Columns, Row};
+use crate::samples::{SampleBlock, Streams};
+use crate::values::{StreamKey, key};
 
 /// What is known of a stream's samples without reading them.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SampleTally {
-    /// How many there are.
+    /// The number of samples.
     pub samples: u64,
-    /// How many of them failed.
+    /// The number of failed samples.
     pub failed: u64,
     /// The highest index.
     pub(crate) last: u64,
@@ -31,128 +30,123 @@ impl SampleTally {
         self.digest.to_hex()
     }
 
-    fn add(&mut self, other: &Self) {
-        self.samples += other.samples;
-        self.failed += other.failed;
-        self.last = self.last.max(other.last);
-        self.digest += other.digest;
+    /// Counts the samples of a block.
+    pub(crate) fn count(&mut self, block: &SampleBlock) {
+        let failed = block.samples.iter().filter(|value| value.is_infinite());
+        self.samples += block.samples.len() as u64;
+        self.failed += failed.count() as u64;
+        self.last = self.last.max(block.end() - 1);
     }
-}
 
-/// The tallies of some samples: those of a batch, or all stored ones.
-#[derive(Debug, Default)]
-pub(crate) struct Tallies(BTreeMap<StreamId, SampleTally>);
-
-impl Tallies {
+    /// Counts the samples of a block and adds them to the digest.
     pub(crate) fn add(&mut self, block: &SampleBlock) {
-        let tally = self.0.entry(block.stream).or_default();
+        self.count(block);
         for (sample, value) in block.indexed() {
-            tally.add(&SampleTally {
-                samples: 1,
-                failed: u64::from(value.is_infinite()),
-                last: sample,
-                digest: SamplesDigest::of(block.stream.index, sample, value),
-            });
+            self.digest += SamplesDigest::of(block.stream.index, sample, value);
         }
     }
 
-    /// Adds these tallies to those in the store, in the transaction that stored the samples.
-    pub(crate) async fn write(mut self, connection: &mut Connection<'_>) -> Result<(), Error> {
-        if self.0.is_empty() {
-            return Ok(());
-        }
-        // Arrays of arrays: one statement for any number of streams, prepared once.
-        let keys: Vec<String> = self
-            .0
-            .keys()
-            .map(|stream| stream.key().to_string())
-            .collect();
-        let keys = format!("[{}]", keys.join(","));
-        let query = sqlx::query!(
-            "SELECT stream, samples, last_sample, failed, digest FROM sample_tally
-             WHERE stream IN (SELECT value FROM json_each(?))",
-            keys,
-        );
-        for row in connection.all(COUNTING, query).await? {
-            let counts = [row.samples, row.last_sample, row.failed];
-            let (stream, held) = read(connection, row.stream, counts, &row.digest)?;
-            self.0.entry(stream).or_default().add(&held);
-        }
-        let mut digests = Vec::new();
-        let mut rows = Vec::with_capacity(self.0.len());
-        for (stream, tally) in &self.0 {
-            let from = digests.len() + 1;
-            digests.extend(tally.digest.to_bytes());
-            let SampleTally {
-                samples,
-                failed,
-                last,
-                ..
-            } = tally;
-            rows.push(format!(
-                "[{},{samples},{last},{failed},{from}]",
-                stream.key()
-            ));
-        }
-        let rows = format!("[{}]", rows.join(","));
-        let query = sqlx::query!(
-            "INSERT OR REPLACE INTO sample_tally (stream, samples, last_sample, failed, digest)
-             SELECT value ->> 0, value ->> 1, value ->> 2, value ->> 3, substr(?1, value ->> 4, 32)
-             FROM json_each(?2)",
-            digests,
-            rows,
-        );
-        connection.insert("sample_tally", query).await.map(drop)
+    /// The counts without the digest.
+    fn counts(self) -> (u64, u64, u64) {
+        (self.samples, self.failed, self.last)
     }
 }
 
-/// Completes "the database could not".
-const COUNTING: &str = "count samples";
+/// The tally with its key.
+struct TallyRow {
+    stream: StreamId,
+    tally: SampleTally,
+}
 
-/// The stored tallies of streams.
+impl Row for TallyRow {
+    const TABLE: &'static str = "sample_tally";
+
+    fn key(&self) -> String {
+        self.stream.to_string()
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .stream(self.stream)
+            .count("samples", self.tally.samples)
+            .count("last_sample", self.tally.last)
+            .count("failed", self.tally.failed);
+        for limb in self.tally.digest.limbs() {
+            columns.bits(limb);
+        }
+    }
+}
+
+/// The tallies of streams.
 pub(crate) async fn all(
     connection: &mut Connection<'_>,
-    of: Of,
+    streams: Streams,
 ) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
-    let (first, last) = of.keys();
-    let (first, last) = (first.cast_signed(), last.cast_signed());
+    let (first, last) = streams.keys();
     let query = sqlx::query!(
-        "SELECT stream, samples, last_sample, failed, digest FROM sample_tally
-         WHERE stream BETWEEN ? AND ?",
+        r#"SELECT stream AS "stream: StreamKey", samples AS "samples: u64",
+                  last_sample AS "last_sample: u64", failed AS "failed: u64",
+                  digest AS "digest: SamplesDigest", seal
+           FROM sample_tally WHERE stream BETWEEN ? AND ?"#,
         first,
         last,
     );
-    let rows = connection.all(COUNTING, query).await?;
+    let rows = connection.all("read the tallies of samples", query).await?;
     rows.into_iter()
         .map(|row| {
-            let counts = [row.samples, row.last_sample, row.failed];
-            read(connection, row.stream, counts, &row.digest)
+            let tally = SampleTally {
+                samples: row.samples,
+                failed: row.failed,
+                last: row.last_sample,
+                digest: row.digest,
+            };
+            let stream = row.stream.0;
+            let checked = connection.check(TallyRow { stream, tally }, row.seal)?;
+            Ok((checked.stream, checked.tally))
         })
         .collect()
 }
 
-fn read(
-    connection: &Connection<'_>,
-    key: i64,
-    [samples, last, failed]: [i64; 3],
-    digest: &[u8],
-) -> Result<(StreamId, SampleTally), Error> {
-    let read = StreamId::from_key(query::index(key)).zip(SamplesDigest::from_blob(digest));
-    let (stream, digest) = read.ok_or_else(|| {
-        let row = format!("stream {key}");
-        connection.damaged_rows(
-            "sample_tally",
-            row,
-            "it has no digest of 32 bytes, or is of no stream",
-        )
-    })?;
-    let tally = SampleTally {
-        samples: query::index(samples),
-        failed: query::index(failed),
-        last: query::index(last),
+/// The tally of a stream; `None` if it has no samples.
+pub(crate) async fn one(
+    connection: &mut Connection<'_>,
+    stream: StreamId,
+) -> Result<Option<SampleTally>, Error> {
+    let mut tallies = all(connection, Streams::One(stream)).await?;
+    Ok(tallies.remove(&stream))
+}
+
+/// Stores the tally of a stream, in the transaction that stores its samples.
+pub(crate) async fn replace(
+    connection: &mut Connection<'_>,
+    stream: StreamId,
+    tally: SampleTally,
+) -> Result<(), Error> {
+    let seal = row::seal(&TallyRow { stream, tally })?;
+    let stream = key(stream);
+    let [samples, last, failed] = [tally.samples, tally.last, tally.failed].map(u64::cast_signed);
+    let digest = tally.digest.to_bytes().to_vec();
+    let query = sqlx::query!(
+        "INSERT OR REPLACE INTO sample_tally (stream, samples, last_sample, failed, digest, seal)
+         VALUES (?, ?, ?, ?, ?, ?)",
+        stream,
+        samples,
+        last,
+        failed,
         digest,
-    };
-    Ok((stream, tally))
+        seal,
+    );
+    connection.insert(TallyRow::TABLE, query).await.map(drop)
+}
+
+pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) -> Result<(), Error> {
+    let (first, last) = streams.keys();
+    let query = sqlx::query!(
+        "DELETE FROM sample_tally WHERE stream BETWEEN ? AND ?",
+        first,
+        last
+    );
+    connection.remove(query).await.map(drop)
 }
 
 /// The digest of all samples of the tallies.
@@ -162,71 +156,28 @@ pub(crate) fn sum<'t>(tallies: impl IntoIterator<Item = &'t SampleTally>) -> Sam
     sum
 }
 
-/// Checks the samples of streams against their tallies.
-pub(crate) async fn compare(
-    connection: &mut Connection<'_>,
-    of: Of,
-    found: &Tallies,
+/// Compares the counts of the samples that were read with their tallies: a block that is missing, or that was added
+/// by another program, changes them.
+pub(crate) fn compare(
+    connection: &Connection<'_>,
+    tallies: &BTreeMap<StreamId, SampleTally>,
+    counted: &BTreeMap<StreamId, SampleTally>,
 ) -> Result<(), Error> {
-    let held = all(connection, of).await?;
-    for stream in held.keys().chain(found.0.keys()) {
-        let (held, found) = (held.get(stream), found.0.get(stream));
-        if held == found {
+    for stream in tallies.keys().chain(counted.keys()) {
+        let [acknowledged, counted] = [tallies, counted]
+            .map(|tallies| tallies.get(stream).copied().unwrap_or_default().counts());
+        if acknowledged == counted {
             continue;
         }
-        let in_words = |tally: Option<&SampleTally>| {
-            let tally = tally.copied().unwrap_or_default();
-            let SampleTally {
-                samples,
-                last,
-                digest,
-                ..
-            } = tally;
-            format!("{samples} up to number {last}, digest {}", digest.to_hex())
-        };
+        let in_words =
+            |(samples, failed, last)| format!("{samples} up to number {last}, {failed} failed");
         let detail = format!(
-            "its samples ({}) are not those that were acknowledged ({})",
-            in_words(found),
-            in_words(held)
+            "the stored samples ({}) are not those that were acknowledged ({})",
+            in_words(counted),
+            in_words(acknowledged)
         );
         let row = format!("one of {stream}");
-        return Err(connection.damaged_rows(SampleBlock::NAME, row, &detail));
+        return Err(connection.damaged_rows(SampleBlock::TABLE, row, &detail));
     }
-    Ok(())
-}
-
-/// Counts a commit, in the commit's own transaction.
-pub(crate) async fn count_commit(connection: &mut Connection<'_>) -> Result<u64, Error> {
-    connection
-        .one(
-            "count a commit",
-            sqlx::query!("UPDATE commit_tally SET commits = commits + 1 RETURNING commits"),
-        )
-        .await
-        .map(|r| query::index(r.commits))
-}
-
-/// Counts a failure, in the transaction that stored it.
-pub(crate) async fn count_failure(
-    connection: &mut Connection<'_>,
-    kind: &str,
-    error: &str,
-    failure: i64,
-) -> Result<(), Error> {
-    let cause = cause(error);
-    connection
-        .insert(
-            "failure_tally",
-            sqlx::query!(
-        "INSERT INTO failure_tally (kind, cause, failures, last_failure) VALUES (?, ?, 1, ?)
-         ON CONFLICT DO UPDATE SET
-            failures = failures + 1,
-            last_failure = excluded.last_failure",
-        kind,
-        cause,
-        failure,
-    ),
-        )
-        .await?;
     Ok(())
 }

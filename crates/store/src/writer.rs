@@ -6,23 +6,18 @@
 //! task is independent of its callers: a caller that is cancelled while it waits does not interrupt
 //! a transaction.
 
-use std::slice;
 use std::time::Duration;
 
-use ledger::StreamId;
 use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::{mpsc, oneshot};
 
-use crate::check::Verdict;
+use crate::batch::{Batch, Receipt};
+use crate::change::{self, Change};
 use crate::connection::Connection;
-use crate::derived::{self, Derivation, Derived};
+use crate::integrity::Integrity;
 use crate::lock::Lock;
 use crate::place::Place;
-use crate::rounds::{self, NewRound};
-use crate::rows::{
-    Batch, CampaignRow, DesignRow, ModelRow, OptimumRow, Receipt, ResponseRow, StageTimeRow,
-};
-use crate::{Error, fail_point, insert, tally};
+use crate::{Error, commits, fail_point};
 
 /// Number of batches in the queue before `submit` waits.
 const QUEUE: usize = 1024;
@@ -60,16 +55,14 @@ impl Writer {
     ///   safe, even if it did reach the disk.
     /// - [`Error::Closed`] after [`Store::close`](crate::Store::close).
     pub async fn submit(&self, batch: Batch) -> Result<Receipt, Error> {
-        // Checked here, so that a bad batch neither occupies the queue nor delays a group.
-        insert::check(&batch)?;
-        self.put(Rows::Batch(batch)).await
+        self.put(Change::Batch(batch)).await
     }
 
-    pub(crate) async fn put(&self, rows: Rows) -> Result<Receipt, Error> {
+    pub(crate) async fn put(&self, change: Change) -> Result<Receipt, Error> {
         let (ack, answer) = oneshot::channel();
         self.queue
             .send(Command::Write {
-                rows: Box::new(rows),
+                change: Box::new(change),
                 ack,
             })
             .await
@@ -88,64 +81,10 @@ impl Writer {
     }
 }
 
-/// The content of one transaction.
-#[derive(Debug)]
-pub(crate) enum Rows {
-    Batch(Batch),
-    Designs(Vec<DesignRow>),
-    Responses(Vec<ResponseRow>, Derivation),
-    /// The model, unless the fit has failed.
-    Model(Option<ModelRow>, Derivation),
-    Optimum(Box<OptimumRow>, Derivation),
-    StageTime(StageTimeRow),
-    Round(NewRound, Derivation),
-    Derivation(Derivation),
-    ModelDigest(String),
-    Extension(CampaignRow),
-    Removal(Vec<Derived>),
-    Generations(Vec<(StreamId, u64)>),
-    /// Removes the evaluations of this run.
-    NoEvaluations(StreamId),
-    /// Removes what stands for failures, whose reasons begin so.
-    NoFailures(String),
-}
-
-impl Rows {
-    fn batch(&self) -> Option<&Batch> {
-        match self {
-            Self::Batch(batch) => Some(batch),
-            _ => None,
-        }
-    }
-
-    fn is_batch(&self) -> bool {
-        self.batch().is_some()
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            Self::Batch(batch) => batch.len(),
-            Self::Designs(rows) => rows.len(),
-            Self::Responses(rows, _) => rows.len(),
-            Self::Generations(rows) => rows.len(),
-            Self::Model(..)
-            | Self::Optimum(..)
-            | Self::StageTime(_)
-            | Self::Round(..)
-            | Self::Derivation(_)
-            | Self::ModelDigest(_)
-            | Self::Extension(_)
-            | Self::Removal(_)
-            | Self::NoEvaluations(_)
-            | Self::NoFailures(_) => 1,
-        }
-    }
-}
-
 #[derive(Debug)]
 enum Command {
     Write {
-        rows: Box<Rows>,
+        change: Box<Change>,
         ack: Ack,
     },
     Close {
@@ -160,7 +99,7 @@ pub(crate) fn spawn(
     place: Place,
     options: SqliteConnectOptions,
     connection: Option<Connection<'static>>,
-    verdict: Verdict,
+    integrity: Integrity,
     lock: Lock,
 ) -> Writer {
     let (queue, commands) = mpsc::channel(QUEUE);
@@ -168,7 +107,7 @@ pub(crate) fn spawn(
         place,
         options,
         connection,
-        verdict,
+        integrity,
         lock,
     };
     tokio::spawn(task.run(commands));
@@ -178,10 +117,10 @@ pub(crate) fn spawn(
 struct Task {
     place: Place,
     options: SqliteConnectOptions,
-    /// `None` before the file is known to be sound, and after a failed transaction, whose state is
+    /// `None` before the file was checked, and after a failed transaction, whose state is
     /// unknown.
     connection: Option<Connection<'static>>,
-    verdict: Verdict,
+    integrity: Integrity,
     lock: Lock,
 }
 
@@ -193,7 +132,7 @@ impl Task {
                 Ok(Some(command)) => command,
                 Ok(None) => break,
                 Err(_) => {
-                    // The error reaches the callers through the verdict.
+                    // The error reaches the callers through the integrity.
                     let _ = self.check_place();
                     continue;
                 }
@@ -202,9 +141,9 @@ impl Task {
             let mut rows_in_group = 0;
             loop {
                 match command {
-                    Command::Write { rows, ack } => {
-                        rows_in_group += rows.len();
-                        group.push((*rows, ack));
+                    Command::Write { change, ack } => {
+                        rows_in_group += change.len();
+                        group.push((*change, ack));
                     }
                     Command::Close { ack } => {
                         closing = Some(ack);
@@ -231,9 +170,9 @@ impl Task {
         }
     }
 
-    async fn commit(&mut self, group: Vec<(Rows, Ack)>, rows: usize) {
+    async fn commit(&mut self, group: Vec<(Change, Ack)>, rows: usize) {
         let batches = group.len();
-        let (group, acks): (Vec<Rows>, Vec<Ack>) = group.into_iter().unzip();
+        let (group, acks): (Vec<Change>, Vec<Ack>) = group.into_iter().unzip();
         let answers = match self.transaction(&group).await {
             Ok(answers) => answers,
             Err(error) => {
@@ -275,8 +214,11 @@ impl Task {
 
     /// Runs one transaction. The outer error means that nothing was stored, an inner one that a
     /// batch was refused and the others were stored.
-    async fn transaction(&mut self, group: &[Rows]) -> Result<Vec<Result<Receipt, Error>>, Error> {
-        self.verdict.clone().on_pages().await?;
+    async fn transaction(
+        &mut self,
+        group: &[Change],
+    ) -> Result<Vec<Result<Receipt, Error>>, Error> {
+        self.integrity.clone().checked().await?;
         // Before a connection is opened under the name.
         self.check_place()?;
         let connection = match &mut self.connection {
@@ -291,15 +233,15 @@ impl Task {
             // All rows are stored together first; if that is refused, each batch is stored
             // separately.
             let mut pieces = vec![run];
-            while let Some(rows) = pieces.pop() {
-                match store(&mut transaction, rows).await? {
+            while let Some(changes) = pieces.pop() {
+                match change::make(&mut transaction, changes).await? {
                     Ok(receipts) => answers.extend(receipts.into_iter().map(Ok)),
-                    Err(_) if rows.len() > 1 => pieces.extend(rows.chunks(1).rev()),
+                    Err(_) if changes.len() > 1 => pieces.extend(changes.chunks(1).rev()),
                     Err(refusal) => answers.push(Err(refusal)),
                 }
             }
         }
-        let commits = tally::count_commit(&mut transaction).await?;
+        let commits = commits::count(&mut transaction).await?;
         fail_point::at("before_commit");
         transaction.commit().await?;
         // The files are checked again before the rows are acknowledged.
@@ -315,7 +257,7 @@ impl Task {
     fn check_place(&mut self) -> Result<(), Error> {
         let result = self.place.check(self.connection.is_some()).map(drop);
         if let Err(lost) = &result {
-            self.verdict.conclude(Err(lost.clone()));
+            self.integrity.conclude(Err(lost.clone()));
         }
         result
     }
@@ -336,57 +278,6 @@ impl Task {
             .await?;
         connection.close().await
     }
-}
-
-/// Stores rows of one kind, all or none. The outer error means that the transaction failed, the
-/// inner one that these rows were refused and left no trace.
-async fn store(
-    connection: &mut Connection<'_>,
-    rows: &[Rows],
-) -> Result<Result<Vec<Receipt>, Error>, Error> {
-    connection.run("set a savepoint", "SAVEPOINT rows").await?;
-    let answer = match rows {
-        [Rows::Designs(rows)] => insert::designs(connection, rows).await.map(one),
-        [Rows::Responses(rows, from)] => derived::responses(connection, rows, from).await.map(one),
-        [Rows::Model(row, from)] => derived::model(connection, row.as_ref(), from)
-            .await
-            .map(one),
-        [Rows::Optimum(row, from)] => derived::optimum(connection, row, from).await.map(one),
-        [Rows::Derivation(row)] => insert::replace(connection, slice::from_ref(row))
-            .await
-            .map(one),
-        [Rows::StageTime(row)] => insert::replace(connection, slice::from_ref(row))
-            .await
-            .map(one),
-        [Rows::Round(new, from)] => rounds::insert(connection, new, from).await.map(one),
-        [Rows::ModelDigest(digest)] => insert::model_digest(connection, digest).await.map(one),
-        [Rows::Extension(campaign)] => insert::extension(connection, campaign).await.map(one),
-        [Rows::Generations(rows)] => insert::generations(connection, rows).await.map(one),
-        [Rows::NoEvaluations(stream)] => insert::no_evaluations(connection, *stream).await.map(one),
-        [Rows::NoFailures(reason)] => derived::remove_failures(connection, reason).await.map(one),
-        [Rows::Removal(results)] => derived::remove(connection, results).await.map(one),
-        batches => {
-            let batches: Vec<&Batch> = batches.iter().filter_map(Rows::batch).collect();
-            insert::batches(connection, &batches).await
-        }
-    };
-    match &answer {
-        Ok(_) => {}
-        Err(error) if error.is_refusal() => {
-            connection
-                .run("go back to a savepoint", "ROLLBACK TO rows")
-                .await?;
-        }
-        Err(error) => return Err(error.clone()),
-    }
-    connection
-        .run("release a savepoint", "RELEASE rows")
-        .await?;
-    Ok(answer)
-}
-
-fn one(receipt: Receipt) -> Vec<Receipt> {
-    vec![receipt]
 }
 
 #[cfg(test)]
@@ -415,7 +306,7 @@ mod tests {
             Place::of(&path).unwrap(),
             options,
             Some(connection),
-            Verdict::sound(),
+            Integrity::sound(),
             lock,
         );
         let error = writer.submit(samples(100..20_000)).await.unwrap_err();

@@ -55,7 +55,7 @@ async fn a_log_that_was_cut_is_refused() {
             .await
             .expect_err("refused");
         assert!(
-            matches!(error, Error::Behind { held, acknowledged, .. } if held < acknowledged),
+            matches!(error, Error::Behind { stored, acknowledged, .. } if stored < acknowledged),
             "{length} of {} bytes: {error}",
             log.len()
         );
@@ -227,7 +227,7 @@ async fn a_new_store_never_has_a_rollback_journal() {
 /// A number that changes on the disk leaves its page valid.
 #[tokio::test]
 async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
-    // Larger stores are compared with their digest in the background.
+    // Larger stores are checked in the background.
     for (count, at_once) in [(500_u64, true), (600_000, false)] {
         let (_folder, path) = folder();
         let store = store_with(&path, 3).await;
@@ -249,7 +249,7 @@ async fn a_bit_that_flipped_in_a_sample_is_found_at_the_next_opening() {
         fs::write(&path, bytes).unwrap();
         let error = match Store::create_or_open(&path, &campaign()).await {
             Ok(store) => {
-                assert!(!at_once, "a small store is compared before it is open");
+                assert!(!at_once, "a small store is checked before it is open");
                 let error = store.checked().await.unwrap_err();
                 store.close().await.unwrap();
                 error
@@ -466,13 +466,13 @@ async fn an_edited_row_of_any_table_is_named() {
             "DELETE FROM sample_block WHERE stream > 1",
         ),
         (
-            "sample_block",
-            "one of design-1",
+            "sample_tally",
+            "design-1",
             "UPDATE sample_tally SET samples = samples - 1 WHERE stream = 1",
         ),
         (
-            "sample_block",
-            "one of design-1",
+            "sample_tally",
+            "design-1",
             "UPDATE sample_tally SET digest = zeroblob(32)",
         ),
         (

@@ -169,7 +169,7 @@ async fn another_seed_is_no_extension() {
         matches!(
             error,
             Error::OtherSeed {
-                held: u64::MAX,
+                stored: u64::MAX,
                 offered: 7
             }
         ),

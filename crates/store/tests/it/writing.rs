@@ -103,7 +103,7 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     let Error::Conflict {
         stream,
         sample: 17,
-        held,
+        stored,
         offered,
     } = error
     else {
@@ -111,7 +111,7 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     };
     assert_eq!(stream, of(3));
     assert_eq!(
-        (held.to_bits(), offered.to_bits()),
+        (stored.to_bits(), offered.to_bits()),
         (1.5_f64.to_bits(), other.to_bits())
     );
     assert_eq!(
@@ -161,7 +161,7 @@ async fn another_value_for_anything_computed_is_refused() {
             Error::Conflict {
                 stream: POINT,
                 sample: 4,
-                held: 1.0,
+                stored: 1.0,
                 offered: 2.0
             }
         ),

@@ -1,0 +1,146 @@
+//! Rows that are stored together.
+
+use ledger::StreamId;
+
+use crate::Error;
+use crate::connection::Connection;
+use crate::criteria::CriteriaRow;
+use crate::derived::Derivation;
+use crate::evaluations::EvaluationRow;
+use crate::failures::FailureRow;
+use crate::runs::OptimiserRunRow;
+use crate::samples::SampleBlock;
+use crate::times::JobTimeRow;
+use crate::{criteria, derived, evaluations, failures, generations, runs, samples, times};
+
+/// Rows that are stored together or not at all.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Batch {
+    /// Criteria of designs.
+    pub criteria: Vec<CriteriaRow>,
+    /// Samples of designs, optima and infill points.
+    pub samples: Vec<SampleBlock>,
+    /// Optimiser runs.
+    pub runs: Vec<OptimiserRunRow>,
+    /// Evaluations of optimiser runs.
+    pub evaluations: Vec<EvaluationRow>,
+    /// Costs of jobs.
+    pub times: Vec<JobTimeRow>,
+    /// What the optimiser runs were computed from.
+    pub derivations: Vec<Derivation>,
+    /// Failures. They are appended, except those stored already under the same worker and number.
+    pub failures: Vec<FailureRow>,
+    /// The stream and the generation of these results, if they may be out of date. They are stored
+    /// only if that generation was the last one given to
+    /// [`Store::put_generations`](crate::Store::put_generations).
+    pub only_for: Option<(StreamId, u64)>,
+}
+
+impl Batch {
+    /// Appends the rows of another batch, which must not have an `only_for` of its own.
+    pub fn append(&mut self, mut other: Self) {
+        self.criteria.append(&mut other.criteria);
+        self.samples.append(&mut other.samples);
+        self.runs.append(&mut other.runs);
+        self.evaluations.append(&mut other.evaluations);
+        self.times.append(&mut other.times);
+        self.derivations.append(&mut other.derivations);
+        self.failures.append(&mut other.failures);
+        self.only_for = self.only_for.take().or(other.only_for);
+    }
+
+    /// The number of rows of all kinds.
+    pub fn len(&self) -> usize {
+        let samples = self.samples.iter().map(|block| block.samples.len());
+        self.criteria.len()
+            + samples.sum::<usize>()
+            + self.runs.len()
+            + self.evaluations.len()
+            + self.times.len()
+            + self.failures.len()
+    }
+
+    /// Whether there is nothing to store.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+/// The outcome of a committed batch.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Receipt {
+    /// Rows that were not stored before.
+    pub new_rows: u64,
+    /// Rows that were stored before with the same value.
+    pub duplicate_rows: u64,
+    /// Whether nothing was stored because the batch is out of date.
+    pub is_stale: bool,
+}
+
+impl Receipt {
+    /// The receipt of new rows.
+    pub(crate) fn new(rows: u64) -> Self {
+        Self {
+            new_rows: rows,
+            ..Self::default()
+        }
+    }
+
+    /// Counts a row.
+    pub(crate) fn count(&mut self, is_new: bool) {
+        if is_new {
+            self.new_rows += 1;
+        } else {
+            self.duplicate_rows += 1;
+        }
+    }
+}
+
+/// Stores all batches, or returns an error, after which the caller rolls back to its savepoint.
+/// Returns one receipt per batch, in order. A row that two batches contain counts as new for the
+/// first.
+pub(crate) async fn insert(
+    connection: &mut Connection<'_>,
+    batches: &[&Batch],
+) -> Result<Vec<Receipt>, Error> {
+    let mut receipts = vec![Receipt::default(); batches.len()];
+    let mut current = Vec::new();
+    for (owner, batch) in batches.iter().enumerate() {
+        if generations::is_stale(connection, batch).await? {
+            receipts[owner].is_stale = true;
+        } else {
+            insert_rows(connection, batch, &mut receipts[owner]).await?;
+            current.push((owner, *batch));
+        }
+    }
+    // Together, because samples of neighbouring batches share a block.
+    samples::insert(connection, &current, &mut receipts).await?;
+    Ok(receipts)
+}
+
+/// Stores everything but the samples.
+async fn insert_rows(
+    connection: &mut Connection<'_>,
+    batch: &Batch,
+    receipt: &mut Receipt,
+) -> Result<(), Error> {
+    for row in &batch.criteria {
+        receipt.count(criteria::insert(connection, row).await?);
+    }
+    for row in &batch.runs {
+        receipt.count(runs::insert(connection, row).await?);
+    }
+    for row in &batch.evaluations {
+        receipt.count(evaluations::insert(connection, row).await?);
+    }
+    for row in &batch.times {
+        receipt.count(times::insert_job(connection, row).await?);
+    }
+    for row in &batch.derivations {
+        derived::replace(connection, row).await?;
+    }
+    for row in &batch.failures {
+        receipt.count(failures::insert(connection, row).await?);
+    }
+    Ok(())
+}

@@ -1,0 +1,141 @@
+//! What a transaction of the writer changes.
+
+use ledger::StreamId;
+
+use crate::batch::{self, Batch, Receipt};
+use crate::campaign::{self, CampaignRow};
+use crate::connection::Connection;
+use crate::derived::{self, Derivation, Derived};
+use crate::designs::{self, DesignRow};
+use crate::models::{self, ModelRow};
+use crate::optima::{self, OptimumRow};
+use crate::responses::{self, ResponseRow};
+use crate::rounds::{self, NewRound};
+use crate::times::{self, StageTimeRow};
+use crate::{Error, evaluations, generations};
+
+/// A change that is made as a whole or not at all.
+#[derive(Debug)]
+pub(crate) enum Change {
+    Batch(Batch),
+    Designs(Vec<DesignRow>),
+    /// Replaces all responses.
+    Responses(Vec<ResponseRow>, Derivation),
+    /// Replaces the model of the DoE, or removes it if the fit has failed.
+    Model(Option<ModelRow>, Derivation),
+    Optimum(Box<OptimumRow>, Derivation),
+    StageTime(StageTimeRow),
+    Round(NewRound, Derivation),
+    Derivation(Derivation),
+    ModelDigest(String),
+    Extension(CampaignRow),
+    Removal(Vec<Derived>),
+    Generations(Vec<(StreamId, u64)>),
+    /// Removes the evaluations of a run.
+    NoEvaluations(StreamId),
+    /// Removes what stands for failures whose reasons begin so.
+    NoFailures(String),
+}
+
+impl Change {
+    fn batch(&self) -> Option<&Batch> {
+        match self {
+            Self::Batch(batch) => Some(batch),
+            _ => None,
+        }
+    }
+
+    /// Whether other changes may be made in the same step.
+    pub(crate) fn is_batch(&self) -> bool {
+        self.batch().is_some()
+    }
+
+    /// The number of rows.
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Batch(batch) => batch.len(),
+            Self::Designs(rows) => rows.len(),
+            Self::Responses(rows, _) => rows.len(),
+            Self::Generations(rows) => rows.len(),
+            _ => 1,
+        }
+    }
+}
+
+/// Makes one change, or some batches together. The outer error means that the transaction failed, the
+/// inner one that these rows were refused and left no trace.
+pub(crate) async fn make(
+    connection: &mut Connection<'_>,
+    changes: &[Change],
+) -> Result<Result<Vec<Receipt>, Error>, Error> {
+    connection
+        .run("set a savepoint", "SAVEPOINT change")
+        .await?;
+    let made = match changes {
+        [change] if !change.is_batch() => one(connection, change).await.map(|made| vec![made]),
+        _ => {
+            let batches: Vec<&Batch> = changes.iter().filter_map(Change::batch).collect();
+            batch::insert(connection, &batches).await
+        }
+    };
+    match &made {
+        Ok(_) => {}
+        Err(error) if error.is_refusal() => {
+            connection
+                .run("go back to a savepoint", "ROLLBACK TO change")
+                .await?;
+        }
+        Err(error) => return Err(error.clone()),
+    }
+    connection
+        .run("release a savepoint", "RELEASE change")
+        .await?;
+    Ok(made)
+}
+
+async fn one(connection: &mut Connection<'_>, change: &Change) -> Result<Receipt, Error> {
+    match change {
+        Change::Batch(batch) => {
+            let receipts = batch::insert(connection, &[batch]).await?;
+            Ok(receipts.first().copied().unwrap_or_default())
+        }
+        Change::Designs(rows) => designs::insert(connection, rows).await,
+        Change::Responses(rows, derivation) => {
+            responses::replace(connection, rows).await?;
+            derived::replace(connection, derivation).await?;
+            Ok(Receipt::new(rows.len() as u64))
+        }
+        Change::Model(row, derivation) => {
+            match row {
+                Some(row) => models::replace(connection, row).await?,
+                None => models::remove(connection, ModelRow::DOE).await?,
+            }
+            derived::replace(connection, derivation).await?;
+            Ok(Receipt::new(row.iter().count() as u64))
+        }
+        Change::Optimum(row, derivation) => {
+            optima::replace(connection, row).await?;
+            derived::replace(connection, derivation).await?;
+            Ok(Receipt::new(1))
+        }
+        Change::StageTime(row) => times::replace_stage(connection, row).await,
+        Change::Round(new, derivation) => {
+            let receipt = rounds::insert(connection, new).await?;
+            derived::replace(connection, derivation).await?;
+            Ok(receipt)
+        }
+        Change::Derivation(row) => {
+            derived::replace(connection, row).await?;
+            Ok(Receipt::new(1))
+        }
+        Change::ModelDigest(digest) => campaign::pin_model_digest(connection, digest).await,
+        Change::Extension(campaign) => campaign::extend(connection, campaign).await,
+        Change::Removal(results) => derived::remove(connection, results).await,
+        Change::Generations(rows) => generations::put(connection, rows).await,
+        Change::NoEvaluations(stream) => {
+            evaluations::remove(connection, *stream, 0).await?;
+            Ok(Receipt::default())
+        }
+        Change::NoFailures(reason) => derived::remove_failures(connection, reason).await,
+    }
+}

@@ -1,0 +1,100 @@
+//! The designs of the DoE.
+
+use crate::Error;
+use crate::batch::Receipt;
+use crate::connection::Connection;
+use crate::row::{self, Columns, Row};
+use crate::values::{Numbers, bytes};
+
+/// One point of the design of experiments.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DesignRow {
+    /// Index in the design of experiments.
+    pub design: u64,
+    /// The variables of the design of experiments, in their problem's order.
+    pub x: Vec<f64>,
+}
+
+impl DesignRow {
+    /// The design at a point.
+    #[must_use]
+    pub fn new(design: u64, x: impl Into<Vec<f64>>) -> Self {
+        Self {
+            design,
+            x: x.into(),
+        }
+    }
+}
+
+impl Row for DesignRow {
+    const TABLE: &'static str = "design";
+
+    fn key(&self) -> String {
+        format!("design {}", self.design)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns.count("design", self.design).numbers("x", &self.x);
+    }
+}
+
+/// The designs `first..=last`.
+async fn range(
+    connection: &mut Connection<'_>,
+    first: i64,
+    last: i64,
+) -> Result<Vec<DesignRow>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT design AS "design: u64", x AS "x: Numbers", seal FROM design
+           WHERE design BETWEEN ? AND ? ORDER BY design"#,
+        first,
+        last,
+    );
+    let rows = connection.all("read designs", query).await?;
+    rows.into_iter()
+        .map(|row| connection.check(DesignRow::new(row.design, row.x.0), row.seal))
+        .collect()
+}
+
+pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<DesignRow>, Error> {
+    range(connection, 0, i64::MAX).await
+}
+
+/// The design with this index, if it is stored.
+pub(crate) async fn one(
+    connection: &mut Connection<'_>,
+    design: u64,
+) -> Result<Option<DesignRow>, Error> {
+    let design = design.cast_signed();
+    Ok(range(connection, design, design).await?.pop())
+}
+
+/// Stores the designs that are not stored yet.
+pub(crate) async fn insert(
+    connection: &mut Connection<'_>,
+    rows: &[DesignRow],
+) -> Result<Receipt, Error> {
+    let mut receipt = Receipt::default();
+    for row in rows {
+        receipt.count(insert_one(connection, row).await?);
+    }
+    Ok(receipt)
+}
+
+async fn insert_one(connection: &mut Connection<'_>, row: &DesignRow) -> Result<bool, Error> {
+    let seal = row::seal(row)?;
+    let (design, x) = (row.design.cast_signed(), bytes(&row.x));
+    let query = sqlx::query!(
+        "INSERT INTO design (design, x, seal) VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
+        design,
+        x,
+        seal,
+    );
+    if connection.insert(DesignRow::TABLE, query).await? {
+        return Ok(true);
+    }
+    if one(connection, row.design).await?.as_ref() != Some(row) {
+        return Err(Error::DesignConflict { design: row.design });
+    }
+    Ok(false)
+}

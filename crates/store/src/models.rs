@@ -1,0 +1,79 @@
+//! Fitted models.
+
+use crate::Error;
+use crate::connection::Connection;
+use crate::row::{self, Columns, Row};
+
+/// A fitted model.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ModelRow {
+    /// What it was fitted to: [`ModelRow::DOE`] or [`ModelRow::ENRICHED`].
+    pub name: String,
+    /// The whole model, as JSON.
+    pub json: String,
+    /// A summary of the model, as JSON.
+    pub summary_json: String,
+}
+
+impl ModelRow {
+    /// The name of the model of the DoE.
+    pub const DOE: &str = "doe";
+    /// The name of the model of the DoE and all infill points, from the end of an enrichment.
+    pub const ENRICHED: &str = "enriched";
+}
+
+impl Row for ModelRow {
+    const TABLE: &'static str = "model";
+
+    fn key(&self) -> String {
+        format!("name {:?}", self.name)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .text(&self.name)
+            .text(&self.json)
+            .text(&self.summary_json);
+    }
+}
+
+/// The model with this name, or all models.
+pub(crate) async fn named(
+    connection: &mut Connection<'_>,
+    name: Option<&str>,
+) -> Result<Vec<ModelRow>, Error> {
+    let query = sqlx::query!(
+        "SELECT name, json, summary_json, seal FROM model
+         WHERE ?1 IS NULL OR name = ?1 ORDER BY name",
+        name,
+    );
+    let rows = connection.all("read models", query).await?;
+    rows.into_iter()
+        .map(|row| {
+            let model = ModelRow {
+                name: row.name,
+                json: row.json,
+                summary_json: row.summary_json,
+            };
+            connection.check(model, row.seal)
+        })
+        .collect()
+}
+
+/// Stores the model in the place of the one with its name.
+pub(crate) async fn replace(connection: &mut Connection<'_>, row: &ModelRow) -> Result<(), Error> {
+    let seal = row::seal(row)?;
+    let query = sqlx::query!(
+        "INSERT OR REPLACE INTO model (name, json, summary_json, seal) VALUES (?, ?, ?, ?)",
+        row.name,
+        row.json,
+        row.summary_json,
+        seal,
+    );
+    connection.insert(ModelRow::TABLE, query).await.map(drop)
+}
+
+pub(crate) async fn remove(connection: &mut Connection<'_>, name: &str) -> Result<(), Error> {
+    let query = sqlx::query!("DELETE FROM model WHERE name = ?", name);
+    connection.remove(query).await.map(drop)
+}

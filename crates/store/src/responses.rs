@@ -1,0 +1,93 @@
+//! The sampled responses of designs.
+
+use crate::Error;
+use crate::connection::Connection;
+use crate::row::{self, Columns, Row};
+
+/// The sampled response of a design, which kriging learns from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ResponseRow {
+    /// Index of the design.
+    pub design: u64,
+    /// Mean of the samples.
+    pub mean: f64,
+    /// Standard deviation of the samples.
+    pub standard_deviation: f64,
+    /// Estimate of the percentile at the campaign's level; infinite if too many samples failed.
+    pub percentile: f64,
+    /// Variance of that estimate.
+    pub percentile_variance: f64,
+    /// p-value of Lilliefors' test of normality; `None` if the test does not apply.
+    pub lilliefors_p: Option<f64>,
+}
+
+impl Row for ResponseRow {
+    const TABLE: &'static str = "response";
+
+    fn key(&self) -> String {
+        format!("design {}", self.design)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .count("design", self.design)
+            .number("mean", self.mean)
+            .number("standard_deviation", self.standard_deviation)
+            .outcome("percentile", self.percentile)
+            .number("percentile_variance", self.percentile_variance)
+            .option(self.lilliefors_p, |to, p| to.number("lilliefors_p", p));
+    }
+}
+
+pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<ResponseRow>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT design AS "design: u64", mean, standard_deviation, percentile,
+                  percentile_variance, lilliefors_p, seal
+           FROM response ORDER BY design"#
+    );
+    let rows = connection.all("read responses", query).await?;
+    rows.into_iter()
+        .map(|row| {
+            let response = ResponseRow {
+                design: row.design,
+                mean: row.mean,
+                standard_deviation: row.standard_deviation,
+                percentile: row.percentile,
+                percentile_variance: row.percentile_variance,
+                lilliefors_p: row.lilliefors_p,
+            };
+            connection.check(response, row.seal)
+        })
+        .collect()
+}
+
+/// Replaces all responses by these.
+pub(crate) async fn replace(
+    connection: &mut Connection<'_>,
+    rows: &[ResponseRow],
+) -> Result<(), Error> {
+    remove(connection).await?;
+    for row in rows {
+        let seal = row::seal(row)?;
+        let design = row.design.cast_signed();
+        let query = sqlx::query!(
+            "INSERT OR REPLACE INTO response (design, mean, standard_deviation, percentile,
+                 percentile_variance, lilliefors_p, seal)
+             VALUES (?, ?, ?, ?, ?, ?, ?)",
+            design,
+            row.mean,
+            row.standard_deviation,
+            row.percentile,
+            row.percentile_variance,
+            row.lilliefors_p,
+            seal,
+        );
+        connection.insert(ResponseRow::TABLE, query).await?;
+    }
+    Ok(())
+}
+
+pub(crate) async fn remove(connection: &mut Connection<'_>) -> Result<(), Error> {
+    let query = sqlx::query!("DELETE FROM response");
+    connection.remove(query).await.map(drop)
+}

@@ -1,0 +1,82 @@
+//! Measured times. They are no results, so they have no digests and are never compared.
+
+use ledger::StreamId;
+
+use crate::Error;
+use crate::batch::Receipt;
+use crate::connection::Connection;
+use crate::values::{StreamKey, key};
+
+/// The measured cost of a job.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JobTimeRow {
+    /// The stream.
+    pub stream: StreamId,
+    /// What tells the jobs of one stream apart.
+    pub part: u64,
+    /// Processor time, in seconds. It is measured and therefore never compared: the first value is
+    /// kept.
+    pub cpu_seconds: f64,
+}
+
+/// The wall time of a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageTimeRow {
+    /// The stage's name.
+    pub stage: String,
+    /// Time in the stage while a coordinator ran, in seconds. Measured, so never compared.
+    pub wall_seconds: f64,
+}
+
+pub(crate) async fn jobs(connection: &mut Connection<'_>) -> Result<Vec<JobTimeRow>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT stream AS "stream: StreamKey", part AS "part: u64", cpu_seconds
+           FROM job_time ORDER BY stream, part"#
+    );
+    let rows = connection.all("read what jobs cost", query).await?;
+    let times = rows.into_iter().map(|row| JobTimeRow {
+        stream: row.stream.0,
+        part: row.part,
+        cpu_seconds: row.cpu_seconds,
+    });
+    Ok(times.collect())
+}
+
+/// Stores the cost of a job and returns whether it was new.
+pub(crate) async fn insert_job(
+    connection: &mut Connection<'_>,
+    row: &JobTimeRow,
+) -> Result<bool, Error> {
+    let (stream, part) = (key(row.stream), row.part.cast_signed());
+    let query = sqlx::query!(
+        "INSERT INTO job_time (stream, part, cpu_seconds) VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
+        stream,
+        part,
+        row.cpu_seconds,
+    );
+    connection.insert("job_time", query).await
+}
+
+pub(crate) async fn stages(connection: &mut Connection<'_>) -> Result<Vec<StageTimeRow>, Error> {
+    let query = sqlx::query!("SELECT stage, wall_seconds FROM stage_time ORDER BY stage");
+    let rows = connection.all("read how long stages took", query).await?;
+    let times = rows.into_iter().map(|row| StageTimeRow {
+        stage: row.stage,
+        wall_seconds: row.wall_seconds,
+    });
+    Ok(times.collect())
+}
+
+/// Stores the wall time of a stage in the place of the one before.
+pub(crate) async fn replace_stage(
+    connection: &mut Connection<'_>,
+    row: &StageTimeRow,
+) -> Result<Receipt, Error> {
+    let query = sqlx::query!(
+        "INSERT OR REPLACE INTO stage_time (stage, wall_seconds) VALUES (?, ?)",
+        row.stage,
+        row.wall_seconds,
+    );
+    connection.insert("stage_time", query).await?;
+    Ok(Receipt::new(1))
+}
