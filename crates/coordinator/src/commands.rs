@@ -158,7 +158,7 @@ const fn store_exit_code(error: &store::Error) -> u8 {
         | E::DamagedRows { .. }
         | E::Lost { .. }
         | E::Linked { .. }
-        | E::Behind { .. }
+        | E::MissingCommits { .. }
         | E::OtherSchema { .. } => exit::UNUSABLE_STORE,
         E::Locked { .. } => exit::STORE_LOCKED,
         E::Io { .. } | E::DiskFull { .. } | E::UnreadLog { .. } => exit::FILE_ACCESS,

@@ -2,8 +2,8 @@
 //! throughput -- [DESIGNS] [SAMPLES] [FILE]`. A relative FILE is in this package's folder.
 //!
 //! First four callers submit batches of whole designs, as four busy workers would. Then two
-//! callers, each with 256 submissions in flight, submit one-row batches, as no-op jobs would. The
-//! reads of a status page and of a restart are timed last. An existing file is not filled again.
+//! callers, each with 256 submissions in flight, submit one-row batches, as no-op jobs would: first
+//! all of one design, then each of another. The reads of a status page and of a restart are timed last. An existing file is not filled again.
 
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
@@ -115,6 +115,17 @@ async fn fill(
     small(&store, "batches of one sample", one_sample).await?;
     small(&store, "batches of one job time", one_time).await?;
     small(&store, "batches of one sample and one job time", both).await?;
+    // Each batch of another design, as the jobs of a DoE are that end out of order.
+    let apart = |i| Batch {
+        samples: vec![SampleBlock {
+            stream: StreamId::design((i % designs) as u32),
+            first_sample: samples + i / designs,
+            samples: vec![1.0],
+        }],
+        times: one_time(2 * SMALL_BATCHES + i).times,
+        ..Batch::default()
+    };
+    small(&store, "the same, each of another design", apart).await?;
 
     let failures = (0..10_000_u32).map(|i| FailureRow {
         stream: StreamId::design(i),

@@ -18,7 +18,7 @@ use crate::Error;
 use crate::row::{self, Row};
 
 /// A connection to a store's file. It runs statements and converts SQLite's errors to [`Error`]s
-/// that name the file. `doing` completes "the database could not".
+/// that name the file. `doing` completes "the database cannot".
 #[derive(Debug)]
 pub(crate) struct Connection<'c> {
     sql: Handle<'c>,
@@ -105,7 +105,7 @@ impl Connection<'_> {
         Arc::clone(&self.path)
     }
 
-    /// Converts an SQLite error; `doing` completes "the database could not".
+    /// Converts an SQLite error; `doing` completes "the database cannot".
     pub(crate) fn failed(&self, doing: &'static str, source: SqlxError) -> Error {
         Error::sqlite(doing, &self.path, source)
     }

@@ -65,15 +65,15 @@ pub enum Error {
         /// The difference.
         detail: String,
     },
-    /// The file and its log hold fewer commits than were acknowledged.
+    /// The file and its log have fewer commits than were acknowledged.
     #[error(
-        "the store {} holds {stored} of {acknowledged} acknowledged commits: its log (-wal) was cut \
+        "the store {} has {stored} of {acknowledged} acknowledged commits: its log (-wal) was cut \
          or removed, or an older copy was put in its place; put the newer files back, or remove {} \
-         to go on with what is there",
+         to go on with the rows that are left",
         path.display(),
         lock.display()
     )]
-    Behind {
+    MissingCommits {
         /// The refused file.
         path: PathBuf,
         /// Its lock file, which records the number of acknowledged commits.
@@ -146,7 +146,7 @@ pub enum Error {
     },
     /// The store has an unread log and lies in a folder that is not writable.
     #[error(
-        "the store {} cannot be read where it is: {} holds rows that were not moved into it, and \
+        "the store {} cannot be read where it is: {} has rows that were not moved into it, and \
          their folder may not be written to; copy both to a folder of your own and read the copy",
         path.display(),
         log.display()
@@ -252,7 +252,10 @@ pub enum Error {
         value: f64,
     },
     /// A number exceeds the range of SQLite's signed integers.
-    #[error("{column} is {value}: the store holds numbers up to {}", i64::MAX)]
+    #[error(
+        "{column} is {value}: the largest number that can be stored is {}",
+        i64::MAX
+    )]
     TooLarge {
         /// Table and column.
         column: String,
@@ -283,7 +286,7 @@ pub enum Error {
     #[error("the store is closed")]
     Closed,
     /// A file operation failed.
-    #[error("could not {doing} {}", path.display())]
+    #[error("cannot {doing} {}", path.display())]
     Io {
         /// The operation, as a verb.
         doing: &'static str,
@@ -294,7 +297,7 @@ pub enum Error {
         source: Arc<std::io::Error>,
     },
     /// Any other SQLite error.
-    #[error("the database could not {doing}")]
+    #[error("the database cannot {doing}")]
     Sqlite {
         /// The operation, as a verb.
         doing: &'static str,
@@ -362,7 +365,7 @@ impl Error {
         }
     }
 
-    /// Converts an SQLite error to its variant; `doing` completes "the database could not".
+    /// Converts an SQLite error to its variant; `doing` completes "the database cannot".
     pub(crate) fn sqlite(doing: &'static str, path: &Path, source: sqlx::Error) -> Self {
         match source {
             sqlx::Error::PoolClosed => return Self::Closed,
@@ -370,7 +373,7 @@ impl Error {
             sqlx::Error::ColumnDecode { .. } => {
                 return Self::Damaged {
                     path: path.to_owned(),
-                    detail: format!("it could not {doing}: {source}"),
+                    detail: format!("the database cannot {doing}: {source}"),
                 };
             }
             _ => {}

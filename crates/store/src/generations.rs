@@ -12,7 +12,7 @@ use crate::values::{StreamKey, key};
 
 const TABLE: &str = "stream_generation";
 
-/// Completes "the database could not".
+/// Completes "the database cannot".
 const READING: &str = "read generations";
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<BTreeMap<StreamId, u64>, Error> {

@@ -12,18 +12,28 @@
 //!   synced (`journal_mode = WAL`, `synchronous = FULL`).
 //! - The first write wins. A second value for a design, criteria, sample or optimiser run is either
 //!   equal, and counted as a duplicate, or an error that names both. It never overwrites the first.
-//! - A file that is not a sound store of this campaign, or that holds fewer commits than were
+//! - A file that is not a sound store of this campaign, or that has fewer commits than were
 //!   acknowledged, is refused before anything is written to it. So is a file with several names. A
 //!   file that is removed or replaced while it is open accepts no further rows.
-//! - The state of an unfinished run is not a result: a later state replaces it, the run's result
-//!   removes it, and the worker that continues the run checks it.
-//! - Rows are read as they were stored: rows carry a digest of their columns, samples also have
-//!   digests over all of them, and a difference is an error that names table and row. These digests
-//!   detect accidents such as a flipped bit or an edited file. They do not protect against
-//!   deliberate edits that adapt them.
+//! - A result is read as it was stored: its row carries a digest of its columns, and a difference is
+//!   an error that names table and row.
 //! - Tallies are updated in the transactions that store the rows they count. The number of samples,
 //!   their distribution over designs and their digest are therefore known without reading all
 //!   samples.
+//!
+//! # What finds which damage
+//!
+//! | damage | found by |
+//! |---|---|
+//! | a page that was overwritten, cut off or is of another file | SQLite's check of the pages |
+//! | a value that changed in a row or in a block of samples | the digest of the row |
+//! | a block of samples that is missing or was added | the counts in the tally of its stream |
+//! | commits that are missing because the log was cut or an older copy was put back | the number of commits in the lock file |
+//! | a file that is removed or replaced while it is open | device and inode numbers |
+//!
+//! All but the last are compared when the file is opened, the digests also whenever a row is read.
+//! The digests detect accidents such as a flipped bit or an edited file. They do not protect against
+//! deliberate edits that adapt them.
 //!
 //! Negative zero loses its sign: SQLite stores -0.0 as 0.0, so both count as 0.0 everywhere,
 //! including in digests and in comparisons with stored rows. Numbers that are not finite are
@@ -59,6 +69,7 @@ mod fail_point;
 mod failures;
 mod filesystem;
 mod generations;
+mod identity;
 mod infill;
 mod integrity;
 mod lock;
@@ -66,7 +77,7 @@ mod missing;
 mod models;
 mod open;
 mod optima;
-mod place;
+
 mod progress;
 mod responses;
 mod rounds;

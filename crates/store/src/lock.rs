@@ -11,8 +11,8 @@ use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::identity;
 use crate::open::beside;
-use crate::place;
 
 /// An exclusive lock on a store, held while this value lives.
 #[derive(Debug)]
@@ -53,8 +53,8 @@ impl Lock {
     /// Also locks the store's own file, because the lock file depends on the name, and a file can
     /// have several names.
     pub(crate) fn lock_store_file(&mut self) -> Result<(), Error> {
-        place::refuse_links(&self.store)?;
-        self.store_file = place::lock_file(&self.store)?;
+        identity::refuse_links(&self.store)?;
+        self.store_file = identity::lock_file(&self.store)?;
         Ok(())
     }
 
@@ -78,7 +78,7 @@ impl Lock {
         // There is no record when the store was copied here.
         let acknowledged: u64 = note.trim().parse().unwrap_or(0);
         if stored < acknowledged {
-            return Err(Error::Behind {
+            return Err(Error::MissingCommits {
                 path: self.store.clone(),
                 lock: self.path.clone(),
                 stored,

@@ -7,7 +7,7 @@ use crate::Error;
 use crate::connection::Connection;
 use crate::designs::{self, DesignRow};
 
-/// Completes "the database could not".
+/// Completes "the database cannot".
 const LOOKING: &str = "look for missing work";
 
 /// The missing work of a design.

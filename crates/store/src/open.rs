@@ -14,9 +14,9 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, S
 
 use crate::campaign::{self, CampaignRow};
 use crate::connection::{Connection, Readers};
+use crate::identity::{self, FileIdentity};
 use crate::integrity::{self, Integrity, ReadOptions};
 use crate::lock::Lock;
-use crate::place::{self, Place};
 use crate::store::Store;
 use crate::{Error, commits, schema, writer};
 
@@ -53,9 +53,8 @@ impl Store {
     /// then opened unchanged, and the caller [extends](Store::extend) it. The differences that
     /// `may_extend` returns become part of the error.
     ///
-    /// A file that is too large for a quick check is checked in the background. Reads are allowed
-    /// meanwhile, and the first write waits for the check of the pages. [`Store::checked`] returns
-    /// the integrity on the pages and the samples.
+    /// A large file is checked in the background. Reads are allowed meanwhile, and the first write
+    /// waits for the check. [`Store::checked`] returns its result.
     ///
     /// Holds an exclusive lock on `path` + `.lock` until [`Store::close`], or until the last clone
     /// of the store and of its writers is dropped and their submissions are committed. Must be
@@ -64,7 +63,7 @@ impl Store {
     /// # Errors
     ///
     /// [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`], [`Error::DamagedRows`],
-    /// [`Error::Behind`], [`Error::Linked`], [`Error::OtherSchema`] and [`Error::OtherCampaign`]
+    /// [`Error::MissingCommits`], [`Error::Linked`], [`Error::OtherSchema`] and [`Error::OtherCampaign`]
     /// for a file that is not a sound store of this campaign, which is then left unchanged;
     /// [`Error::Locked`] while another process, or another `Store`, writes to it;
     /// [`Error::DiskFull`], [`Error::Io`] and [`Error::Sqlite`].
@@ -94,7 +93,7 @@ impl Store {
             create(&path, campaign, &mut lock).await?;
         }
         lock.lock_store_file()?;
-        let place = Place::of(&path)?;
+        let identity = FileIdentity::of(&path)?;
         roll_back(&path).await?;
         let reading = reading(&path);
         let mut connection = schema::inspect(&reading).await?;
@@ -120,18 +119,22 @@ impl Store {
         }
 
         let options = writing(&path);
-        let readers = readers(&reading).await?;
-        let (connection, integrity) = if at_once {
+        let connection = if at_once {
             let mut connection = Connection::open(&options, &path).await?;
             // SQLite opens a file that is not writable and reports that only when a row is written.
             connection
                 .run("lock its file for writing", TRY_TO_WRITE)
                 .await?;
-            (Some(connection), Integrity::sound())
+            Some(connection)
         } else {
-            (None, Integrity::in_background(reading))
+            None
         };
-        let writer = writer::spawn(place, options, connection, integrity.clone(), lock);
+        let readers = readers(&reading).await?;
+        let integrity = match &connection {
+            Some(_) => Integrity::sound(),
+            None => Integrity::in_background(reading),
+        };
+        let writer = writer::spawn(identity, options, connection, integrity.clone(), lock);
         Ok(Self {
             path,
             readers,
@@ -149,7 +152,7 @@ impl Store {
     /// start meanwhile.
     ///
     /// A small store is checked first. A large one is checked when [`checked`](Store::checked) is
-    /// called. Rows other than samples are compared with their digests whenever they are read.
+    /// called. Rows are compared with their digests whenever they are read.
     ///
     /// # Errors
     ///
@@ -165,7 +168,7 @@ impl Store {
         }
         let path: Arc<Path> = resolve(path)?.into();
         schema::check_header(&path)?;
-        place::refuse_hidden_log(&path)?;
+        identity::refuse_hidden_log(&path)?;
         let mut reading = reading(&path);
         let mut connection = match schema::inspect(&reading).await {
             Err(error) if error.is_read_only_folder() => {
@@ -306,7 +309,10 @@ async fn roll_back(path: &Arc<Path>) -> Result<(), Error> {
     }
     let mut connection = Connection::open(&writing(path), path).await?;
     connection
-        .pragma::<i64>("undo what was begun", "SELECT count(*) FROM sqlite_schema")
+        .pragma::<i64>(
+            "undo an unfinished transaction",
+            "SELECT count(*) FROM sqlite_schema",
+        )
         .await?;
     connection.close().await
 }

@@ -18,7 +18,7 @@ use crate::values::{Numbers, StreamKey, bytes, key, number};
 /// reader.
 const LONGEST: usize = 4096;
 
-/// Completes "the database could not".
+/// Completes "the database cannot".
 const READING: &str = "read samples";
 
 /// Consecutive samples of one stream.

@@ -76,9 +76,9 @@ impl Store {
         })
     }
 
-    /// Waits for the checks of the file's pages and rows. A small file has been checked when it is
-    /// open. After an error, stop: if pages are damaged, nothing has been written. A large store
-    /// that was opened for reading is checked by the first call.
+    /// Waits for the check of the file's pages and rows. A small file was checked when it was
+    /// opened. After an error nothing more is written: stop. A large store that was opened for
+    /// reading is checked by the first call.
     ///
     /// # Errors
     ///

@@ -14,9 +14,9 @@ use tokio::sync::{mpsc, oneshot};
 use crate::batch::{Batch, Receipt};
 use crate::change::{self, Change};
 use crate::connection::Connection;
+use crate::identity::FileIdentity;
 use crate::integrity::Integrity;
 use crate::lock::Lock;
-use crate::place::Place;
 use crate::{Error, commits, fail_point};
 
 /// Number of batches in the queue before `submit` waits.
@@ -70,7 +70,7 @@ impl Writer {
         answer.await.map_err(|_| Error::Closed)?
     }
 
-    /// Waits until the task has committed everything queued before, and has ended.
+    /// Waits until the task has committed everything that was queued before, and has ended.
     pub(crate) async fn close(&self) -> Result<(), Error> {
         let (ack, answer) = oneshot::channel();
         if self.queue.send(Command::Close { ack }).await.is_err() {
@@ -96,7 +96,7 @@ type Ack = oneshot::Sender<Result<Receipt, Error>>;
 
 /// Starts the writing task. It owns the lock, so that the lock is held until after the last commit.
 pub(crate) fn spawn(
-    place: Place,
+    identity: FileIdentity,
     options: SqliteConnectOptions,
     connection: Option<Connection<'static>>,
     integrity: Integrity,
@@ -104,7 +104,7 @@ pub(crate) fn spawn(
 ) -> Writer {
     let (queue, commands) = mpsc::channel(QUEUE);
     let task = Task {
-        place,
+        identity,
         options,
         connection,
         integrity,
@@ -115,7 +115,7 @@ pub(crate) fn spawn(
 }
 
 struct Task {
-    place: Place,
+    identity: FileIdentity,
     options: SqliteConnectOptions,
     /// `None` before the file was checked, and after a failed transaction, whose state is
     /// unknown.
@@ -133,7 +133,7 @@ impl Task {
                 Ok(None) => break,
                 Err(_) => {
                     // The error reaches the callers through the integrity.
-                    let _ = self.check_place();
+                    let _ = self.check_identity();
                     continue;
                 }
             };
@@ -193,7 +193,7 @@ impl Task {
 
     /// Copies the log to the file when it has grown long. No caller waits for this.
     async fn shorten_log(&mut self) {
-        let long = self.place.check(self.connection.is_some());
+        let long = self.identity.check(self.connection.is_some());
         let long = long.is_ok_and(|log| log > LONG_LOG);
         let Some(connection) = self.connection.as_mut().filter(|_| long) else {
             return;
@@ -220,10 +220,10 @@ impl Task {
     ) -> Result<Vec<Result<Receipt, Error>>, Error> {
         self.integrity.clone().checked().await?;
         // Before a connection is opened under the name.
-        self.check_place()?;
+        self.check_identity()?;
         let connection = match &mut self.connection {
             Some(connection) => connection,
-            none => none.insert(Connection::open(&self.options, self.place.path()).await?),
+            none => none.insert(Connection::open(&self.options, self.identity.path()).await?),
         };
         // Immediate: a deferred transaction that starts to write can fail with
         // SQLITE_BUSY_SNAPSHOT, to which the busy timeout does not apply.
@@ -245,7 +245,7 @@ impl Task {
         fail_point::at("before_commit");
         transaction.commit().await?;
         // The files are checked again before the rows are acknowledged.
-        self.check_place()?;
+        self.check_identity()?;
         if let Err(error) = self.lock.record(commits) {
             // Only the later check for a cut log suffers.
             tracing::warn!(%error, "the commit could not be noted");
@@ -254,8 +254,8 @@ impl Task {
         Ok(answers)
     }
 
-    fn check_place(&mut self) -> Result<(), Error> {
-        let result = self.place.check(self.connection.is_some()).map(drop);
+    fn check_identity(&mut self) -> Result<(), Error> {
+        let result = self.identity.check(self.connection.is_some()).map(drop);
         if let Err(lost) = &result {
             self.integrity.conclude(Err(lost.clone()));
         }
@@ -303,7 +303,7 @@ mod tests {
         let connection = Connection::open(&options, &path).await.unwrap();
         let lock = Lock::take(&path).unwrap();
         let writer = spawn(
-            Place::of(&path).unwrap(),
+            FileIdentity::of(&path).unwrap(),
             options,
             Some(connection),
             Integrity::sound(),

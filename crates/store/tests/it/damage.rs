@@ -55,7 +55,7 @@ async fn a_log_that_was_cut_is_refused() {
             .await
             .expect_err("refused");
         assert!(
-            matches!(error, Error::Behind { stored, acknowledged, .. } if stored < acknowledged),
+            matches!(error, Error::MissingCommits { stored, acknowledged, .. } if stored < acknowledged),
             "{length} of {} bytes: {error}",
             log.len()
         );
@@ -99,7 +99,7 @@ async fn an_older_copy_is_refused_in_the_place_of_a_newer_store() {
     store.close().await.unwrap();
     fs::write(&path, copy).unwrap();
     let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
-    assert!(matches!(error, Error::Behind { .. }), "{error}");
+    assert!(matches!(error, Error::MissingCommits { .. }), "{error}");
 
     // The owner removed the file to start a new store.
     fs::remove_file(&path).unwrap();
@@ -120,7 +120,7 @@ async fn a_damaged_log_page_is_refused() {
     log[middle..middle + 64].fill(0xa5);
     fs::write(beside(&left, "-wal"), log).unwrap();
     let error = Store::create_or_open(&left, &campaign()).await.unwrap_err();
-    assert!(matches!(error, Error::Behind { .. }), "{error}");
+    assert!(matches!(error, Error::MissingCommits { .. }), "{error}");
 }
 
 #[cfg(target_os = "linux")]

@@ -38,7 +38,7 @@ fn links(_: &Metadata) -> u64 {
 
 /// The identities of the store's file and its log when they were opened.
 #[derive(Debug)]
-pub(crate) struct Place {
+pub(crate) struct FileIdentity {
     path: Arc<Path>,
     log: PathBuf,
     file: Id,
@@ -46,7 +46,7 @@ pub(crate) struct Place {
     log_file: Option<Id>,
 }
 
-impl Place {
+impl FileIdentity {
     pub(crate) fn of(path: &Arc<Path>) -> Result<Self, Error> {
         let file = fs::metadata(path).map_err(|e| Error::io("stat", path, e))?;
         Ok(Self {
