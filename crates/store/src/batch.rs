@@ -49,7 +49,7 @@ impl Batch {
         self.only_for = self.only_for.take().or(other.only_for);
     }
 
-    /// The number of rows of all kinds.
+    /// The number of rows of all kinds, with a row for each sample.
     pub fn len(&self) -> usize {
         let samples = self.samples.iter().map(|block| block.samples.len());
         self.criteria.len()
@@ -66,7 +66,7 @@ impl Batch {
     }
 }
 
-/// The outcome of a committed batch.
+/// The outcome of a committed batch. Times are not counted: they are measured and never compared.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Receipt {
     /// Rows that were not stored before.
@@ -113,12 +113,14 @@ pub(crate) async fn insert(
             current.push((owner, *batch));
         }
     }
-    // Together, because samples of neighbouring batches share a block.
+    // Together: samples of neighbouring batches share a block, and each job has a time.
     samples::insert(connection, &current, &mut receipts).await?;
+    let times: Vec<_> = current.iter().flat_map(|(_, batch)| &batch.times).collect();
+    times::insert_jobs(connection, &times).await?;
     Ok(receipts)
 }
 
-/// Stores everything but the samples.
+/// Stores everything but samples and times.
 async fn insert_rows(
     connection: &mut Connection<'_>,
     batch: &Batch,
@@ -132,9 +134,6 @@ async fn insert_rows(
     }
     for row in &batch.evaluations {
         receipt.count(evaluations::insert(connection, row).await?);
-    }
-    for row in &batch.times {
-        receipt.count(times::insert_job(connection, row).await?);
     }
     for row in &batch.derivations {
         derived::replace(connection, row).await?;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use sqlx::pool::PoolConnection;
 use sqlx::query::{Map, Query};
+use sqlx::query_builder::{QueryBuilder, Separated};
 use sqlx::sqlite::{
     Sqlite, SqliteArguments, SqliteConnectOptions, SqliteConnection, SqlitePool, SqliteRow,
 };
@@ -16,6 +17,12 @@ use tokio_stream::{Stream, StreamExt as _};
 
 use crate::Error;
 use crate::row::{self, Row};
+
+/// The most rows of one statement, whose parameters SQLite limits to 32 766.
+const ROWS_PER_STATEMENT: usize = 1000;
+
+/// The values of a row of a statement with many.
+pub(crate) type Values<'a> = Separated<'a, Sqlite, &'static str>;
 
 /// A connection to a store's file. It runs statements and converts SQLite's errors to [`Error`]s
 /// that name the file. `doing` completes "the database cannot".
@@ -202,6 +209,26 @@ impl Connection<'_> {
         let done = query.execute(self.sql()).await;
         let done = done.map_err(|e| Error::insertion(table, &self.path, e))?;
         Ok(done.rows_affected() > 0)
+    }
+
+    /// Inserts rows with one statement for many: a statement takes a round trip to SQLite's thread, which costs more
+    /// than a row. `statement` is what comes before and after the rows' values, which `bind` adds.
+    pub(crate) async fn insert_many<T>(
+        &mut self,
+        table: &'static str,
+        statement: [&'static str; 2],
+        rows: &[T],
+        bind: impl Fn(&mut Values<'_>, &T),
+    ) -> Result<(), Error> {
+        let [before, after] = statement;
+        for rows in rows.chunks(ROWS_PER_STATEMENT) {
+            let mut builder = QueryBuilder::new(before);
+            builder.push_values(rows, |mut values, row| bind(&mut values, row));
+            // Not kept: statements differ by their number of rows.
+            let query = builder.push(after).build().persistent(false);
+            self.insert(table, query).await?;
+        }
+        Ok(())
     }
 
     /// Returns a row that was read if it has the digest that it was stored with.

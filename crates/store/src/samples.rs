@@ -11,7 +11,7 @@ use crate::batch::{Batch, Receipt};
 use crate::connection::Connection;
 use crate::designs;
 use crate::row::{self, Columns, Row};
-use crate::tally::{self, SampleTally};
+use crate::tally::{self, SampleTally, TallyRow};
 use crate::values::{Numbers, StreamKey, bytes, key, number};
 
 /// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
@@ -130,38 +130,36 @@ pub(crate) async fn insert(
     }
     // The sort is stable: a sample in two batches counts as new for the first.
     offers.sort_by_key(|offer| (offer.stream, offer.sample));
+    let mut additions = Additions::default();
     for offers in offers.chunk_by(|a, b| a.stream == b.stream) {
-        insert_of_one(connection, offers, receipts).await?;
+        let stream = offers[0].stream;
+        let tally = tally::one(connection, stream).await?;
+        let stored = match tally {
+            Some(tally) => stored(connection, tally, offers).await?,
+            None => {
+                refuse_unknown_design(connection, stream).await?;
+                Vec::new()
+            }
+        };
+        let blocks = fresh(&stored, offers, receipts)?;
+        additions.add(stream, tally.unwrap_or_default(), blocks);
     }
-    Ok(())
+    additions.write(connection).await
 }
 
-/// Stores the new ones of samples of one stream, which are sorted.
-async fn insert_of_one(
+/// The stored blocks that may have some of these samples of one stream, which are sorted.
+async fn stored(
     connection: &mut Connection<'_>,
+    tally: SampleTally,
     offers: &[Offer],
-    receipts: &mut [Receipt],
-) -> Result<(), Error> {
-    let (Some(first), Some(last)) = (offers.first(), offers.last()) else {
-        return Ok(());
-    };
-    let stream = first.stream;
-    let tally = tally::one(connection, stream).await?;
-    let stored = match tally {
-        Some(tally) if first.sample <= tally.last => {
-            between(connection, stream, first.sample, last.sample).await?
+) -> Result<Vec<SampleBlock>, Error> {
+    match offers {
+        [first, ..] if first.sample <= tally.last => {
+            let last = offers.last().unwrap_or(first);
+            between(connection, first.stream, first.sample, last.sample).await
         }
-        Some(_) => Vec::new(),
-        None => {
-            refuse_unknown_design(connection, stream).await?;
-            Vec::new()
-        }
-    };
-    let fresh = fresh(&stored, offers, receipts)?;
-    if fresh.is_empty() {
-        return Ok(());
+        _ => Ok(Vec::new()),
     }
-    write(connection, tally.unwrap_or_default(), &fresh).await
 }
 
 async fn refuse_unknown_design(
@@ -226,34 +224,55 @@ fn append(blocks: &mut Vec<SampleBlock>, stream: StreamId, sample: u64, value: f
     }
 }
 
-/// Stores new blocks of one stream, whose tally before is given.
-async fn write(
-    connection: &mut Connection<'_>,
-    mut tally: SampleTally,
-    blocks: &[SampleBlock],
-) -> Result<(), Error> {
-    for block in blocks {
-        insert_block(connection, block).await?;
-        tally.add(block);
+/// New blocks, and the tallies with them.
+#[derive(Default)]
+struct Additions {
+    blocks: Vec<SampleBlock>,
+    tallies: Vec<TallyRow>,
+}
+
+impl Additions {
+    /// Adds blocks of a stream, whose tally before is given.
+    fn add(&mut self, stream: StreamId, mut tally: SampleTally, mut blocks: Vec<SampleBlock>) {
+        if blocks.is_empty() {
+            return;
+        }
+        blocks.iter().for_each(|block| tally.add(block));
+        self.blocks.append(&mut blocks);
+        self.tallies.push(TallyRow { stream, tally });
     }
-    match blocks.first() {
-        Some(block) => tally::replace(connection, block.stream, tally).await,
-        None => Ok(()),
+
+    async fn write(self, connection: &mut Connection<'_>) -> Result<(), Error> {
+        insert_blocks(connection, &self.blocks).await?;
+        tally::replace(connection, &self.tallies).await
     }
 }
 
-async fn insert_block(connection: &mut Connection<'_>, block: &SampleBlock) -> Result<(), Error> {
-    let seal = row::seal(block)?;
-    let (stream, first) = (key(block.stream), block.first_sample.cast_signed());
-    let samples = bytes(&block.samples);
-    let query = sqlx::query!(
-        "INSERT INTO sample_block (stream, first_sample, samples, seal) VALUES (?, ?, ?, ?)",
-        stream,
-        first,
-        samples,
-        seal,
-    );
-    connection.insert(SampleBlock::TABLE, query).await.map(drop)
+async fn insert_blocks(
+    connection: &mut Connection<'_>,
+    blocks: &[SampleBlock],
+) -> Result<(), Error> {
+    let seals = blocks.iter().map(row::seal);
+    let seals = seals.collect::<Result<Vec<i64>, Error>>()?;
+    let rows: Vec<_> = blocks.iter().zip(seals).collect();
+    let statement = [
+        "INSERT INTO sample_block (stream, first_sample, samples, seal) ",
+        "",
+    ];
+    connection
+        .insert_many(
+            SampleBlock::TABLE,
+            statement,
+            &rows,
+            |values, (block, seal)| {
+                values
+                    .push_bind(key(block.stream))
+                    .push_bind(block.first_sample.cast_signed())
+                    .push_bind(bytes(&block.samples))
+                    .push_bind(*seal);
+            },
+        )
+        .await
 }
 
 /// The stored blocks that may have samples `first..=last` of a stream.
@@ -355,6 +374,7 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) ->
 /// Removes the samples that failed, and returns their number.
 pub(crate) async fn remove_failed(connection: &mut Connection<'_>) -> Result<u64, Error> {
     let mut removed = 0;
+    let mut additions = Additions::default();
     for (stream, tally) in tally::all(connection, Streams::All).await? {
         if tally.failed == 0 {
             continue;
@@ -367,8 +387,9 @@ pub(crate) async fn remove_failed(connection: &mut Connection<'_>) -> Result<u64
             }
         }
         remove(connection, Streams::One(stream)).await?;
-        write(connection, SampleTally::default(), &kept).await?;
+        additions.add(stream, SampleTally::default(), kept);
     }
+    additions.write(connection).await?;
     Ok(removed)
 }
 
@@ -396,7 +417,7 @@ mod tests {
         let options = crate::open::writing(&path);
         let path = path.as_path().into();
         let mut connection = Connection::open(&options, &path).await.unwrap();
-        insert_block(&mut connection, &block(9, &[1.0, 1.0]))
+        insert_blocks(&mut connection, &[block(9, &[1.0, 1.0])])
             .await
             .unwrap();
         connection.close().await.unwrap();

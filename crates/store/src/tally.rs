@@ -52,10 +52,10 @@ impl SampleTally {
     }
 }
 
-/// The tally with its key.
-struct TallyRow {
-    stream: StreamId,
-    tally: SampleTally,
+/// The tally of a stream.
+pub(crate) struct TallyRow {
+    pub(crate) stream: StreamId,
+    pub(crate) tally: SampleTally,
 }
 
 impl Row for TallyRow {
@@ -116,27 +116,29 @@ pub(crate) async fn one(
     Ok(tallies.remove(&stream))
 }
 
-/// Stores the tally of a stream, in the transaction that stores its samples.
+/// Stores tallies of streams, in the transaction that stores their samples.
 pub(crate) async fn replace(
     connection: &mut Connection<'_>,
-    stream: StreamId,
-    tally: SampleTally,
+    tallies: &[TallyRow],
 ) -> Result<(), Error> {
-    let seal = row::seal(&TallyRow { stream, tally })?;
-    let stream = key(stream);
-    let [samples, last, failed] = [tally.samples, tally.last, tally.failed].map(u64::cast_signed);
-    let digest = tally.digest.to_bytes().to_vec();
-    let query = sqlx::query!(
-        "INSERT OR REPLACE INTO sample_tally (stream, samples, last_sample, failed, digest, seal)
-         VALUES (?, ?, ?, ?, ?, ?)",
-        stream,
-        samples,
-        last,
-        failed,
-        digest,
-        seal,
-    );
-    connection.insert(TallyRow::TABLE, query).await.map(drop)
+    let seals = tallies.iter().map(row::seal);
+    let seals = seals.collect::<Result<Vec<i64>, Error>>()?;
+    let rows: Vec<_> = tallies.iter().zip(seals).collect();
+    let statement = [
+        "INSERT OR REPLACE INTO sample_tally (stream, samples, last_sample, failed, digest, seal) ",
+        "",
+    ];
+    connection
+        .insert_many(TallyRow::TABLE, statement, &rows, |values, (row, seal)| {
+            values
+                .push_bind(key(row.stream))
+                .push_bind(row.tally.samples.cast_signed())
+                .push_bind(row.tally.last.cast_signed())
+                .push_bind(row.tally.failed.cast_signed())
+                .push_bind(row.tally.digest.to_bytes().to_vec())
+                .push_bind(*seal);
+        })
+        .await
 }
 
 pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) -> Result<(), Error> {

@@ -42,19 +42,23 @@ pub(crate) async fn jobs(connection: &mut Connection<'_>) -> Result<Vec<JobTimeR
     Ok(times.collect())
 }
 
-/// Stores the cost of a job and returns whether it was new.
-pub(crate) async fn insert_job(
+/// Stores the costs of jobs that are not stored yet.
+pub(crate) async fn insert_jobs(
     connection: &mut Connection<'_>,
-    row: &JobTimeRow,
-) -> Result<bool, Error> {
-    let (stream, part) = (key(row.stream), row.part.cast_signed());
-    let query = sqlx::query!(
-        "INSERT INTO job_time (stream, part, cpu_seconds) VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
-        stream,
-        part,
-        row.cpu_seconds,
-    );
-    connection.insert("job_time", query).await
+    rows: &[&JobTimeRow],
+) -> Result<(), Error> {
+    let statement = [
+        "INSERT INTO job_time (stream, part, cpu_seconds) ",
+        " ON CONFLICT DO NOTHING",
+    ];
+    connection
+        .insert_many("job_time", statement, rows, |values, row| {
+            values
+                .push_bind(key(row.stream))
+                .push_bind(row.part.cast_signed())
+                .push_bind(row.cpu_seconds);
+        })
+        .await
 }
 
 pub(crate) async fn stages(connection: &mut Connection<'_>) -> Result<Vec<StageTimeRow>, Error> {
