@@ -193,15 +193,7 @@ fn a_service_manager_hears_when_the_coordinator_is_ready_and_that_it_lives() {
     let campaign = sandbox.campaign("c.toml", &[]);
     let campaign = campaign.to_str().expect("UTF-8");
     let address = free_address().to_string();
-    let serve = [
-        "serve",
-        campaign,
-        "--db",
-        "c.db",
-        "--listen",
-        &address,
-        "--insecure",
-    ];
+    let serve = ["serve", campaign, "--db", "c.db", "--listen", &address];
     let path = socket.to_str().expect("UTF-8");
     let variables = [("NOTIFY_SOCKET", path), ("WATCHDOG_USEC", "900000")];
     let running = sandbox.start_with("coordinator", &serve, &variables);
@@ -217,7 +209,8 @@ fn a_service_manager_hears_when_the_coordinator_is_ready_and_that_it_lives() {
         "d.db",
         "--listen",
         &address,
-        "--insecure",
+        "--access",
+        "other.access",
     ];
     let refused = sandbox.run_with("coordinator", &other, &[("NOTIFY_SOCKET", path)]);
     assert_code(&refused, exit::CANNOT_LISTEN.into());

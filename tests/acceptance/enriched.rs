@@ -44,9 +44,8 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
     assert_eq!(undisturbed["finished"], true, "{undisturbed}");
 
     let address = free_address().to_string();
-    let url = format!("https://{address}");
     let serve = ["serve", file, "--db", "c.db", "--listen", &address];
-    let work = ["--connect", &url, "--slots", "1"];
+    let work = ["--connect", &address, "--slots", "1"];
     let workers = [(); 2].map(|()| sandbox.start("worker", &work));
     for round in [1, 2] {
         let coordinator = sandbox.start("coordinator", &serve);

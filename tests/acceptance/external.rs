@@ -95,12 +95,18 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
     let doomed_exec = program(&sandbox, "doomed.py", &[]);
     let mark = path(&sandbox.path("doomed.py"));
     let address = free_address().to_string();
-    let url = format!("https://{address}");
     let serve = ["serve", &file, "--db", "cluster.db", "--listen", &address];
     let coordinator = sandbox.start("coordinator", &serve);
     let doomed = sandbox.start(
         "worker",
-        &["--connect", &url, "--slots", "2", "--exec", &doomed_exec],
+        &[
+            "--connect",
+            &address,
+            "--slots",
+            "2",
+            "--exec",
+            &doomed_exec,
+        ],
     );
     sandbox.wait_for("cluster.db", "some samples", |status| done(status) > 1000);
     assert!(!processes(&mark).is_empty());
@@ -121,7 +127,7 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
 
     let worker = sandbox.start(
         "worker",
-        &["--connect", &url, "--slots", "2", "--exec", &exec],
+        &["--connect", &address, "--slots", "2", "--exec", &exec],
     );
     for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
         let (status, errors) = process.finish();
@@ -512,7 +518,6 @@ fn workers_with_another_simulator_are_refused_for_good() {
 
     // The store records the simulator whose numbers it holds.
     let address = free_address().to_string();
-    let url = format!("https://{address}");
     let serve = [
         "serve",
         &file,
@@ -524,7 +529,7 @@ fn workers_with_another_simulator_are_refused_for_good() {
     ];
     let coordinator = sandbox.start("coordinator", &serve);
     let work = |exec: &[&str]| {
-        let connect = ["--connect", &url, "--slots", "1"];
+        let connect = ["--connect", &address, "--slots", "1"];
         sandbox.run("worker", &[&connect, exec].concat())
     };
     let changed = program(
@@ -555,10 +560,9 @@ fn workers_with_another_simulator_are_refused_for_good() {
     // A campaign with the built-in model does not use a program.
     let quick = path(&sandbox.campaign("quick.toml", &[]));
     let address = free_address().to_string();
-    let url = format!("https://{address}");
     let serve = ["serve", &quick, "--db", "quick.db", "--listen", &address];
     let coordinator = sandbox.start("coordinator", &serve);
-    let unwanted = sandbox.run("worker", &["--connect", &url, "--exec", &exec]);
+    let unwanted = sandbox.run("worker", &["--connect", &address, "--exec", &exec]);
     assert_code(&unwanted, 12);
     assert!(
         errors(&unwanted).contains("without --exec"),

@@ -51,16 +51,12 @@ fn a_cable_pulled_for_longer_than_a_lease_loses_nothing() {
         &sandbox.coordinator(&["run", file, "--db", "undisturbed.db"]),
         0,
     );
-    let keys = ["keygen", "keys", "--host", "10.77.0.1"];
-    assert_code(&sandbox.coordinator(&keys), 0);
     let output = joined(
         &sandbox,
         r#"
 held() { "$0" status --db far.db --json | tr -d '\n ' | sed 's/.*"samples":{"per_design":4000,"done":\([0-9]*\).*/\1/'; }
-"$0" serve far.toml --db far.db --listen 10.77.0.1:7400 --tls-cert keys/server.pem \
-    --tls-key keys/server.key --token-file keys/coordinator.tokens --lease 5 >&2 & coordinator=$!
-ip netns exec far "$1" --connect https://10.77.0.1:7400 --tls-ca keys/ca.pem \
-    --token-file keys/worker.token >&2 & worker=$!
+"$0" serve far.toml --db far.db --listen 10.77.0.1:7400 --access far.access --lease 5 >&2 & coordinator=$!
+ip netns exec far "$1" --access far.access >&2 & worker=$!
 tries=0
 while [ ! -e far.db ] || [ "$(held)" -lt 20000 ]; do
     tries=$((tries + 1)); [ $tries -lt 600 ]; sleep 0.1

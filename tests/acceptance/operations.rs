@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use acceptance::http::{LOCALHOST, get};
 use acceptance::{Sandbox, assert_code, changed, free_address, printed, small_campaign};
+use gateway::Role;
+use gateway::client::ConnectArguments;
 
 use crate::place::{DB, Place};
 
@@ -95,7 +97,6 @@ fn a_running_campaign_can_be_asked_and_drained() {
     let file = sandbox.write("long.toml", &small_campaign(1500, 4000));
     let (address, page) = (free_address().to_string(), free_address());
     let http = page.to_string();
-    let url = format!("https://{address}");
     let serve = [
         "serve",
         file.to_str().unwrap(),
@@ -111,14 +112,14 @@ fn a_running_campaign_can_be_asked_and_drained() {
     let coordinator = sandbox.start("coordinator", &serve);
     sandbox.wait_for("c.db", "the DoE", |status| status["stage"] == "sample");
     let ask = |arguments: &[&str]| {
-        let output = sandbox.coordinator(&[arguments, &["--connect", &url]].concat());
+        let output = sandbox.coordinator(&[arguments, &["--connect", &address]].concat());
         assert_code(&output, 0);
         printed(&output)
     };
     let why = ask(&["explain"]);
     assert!(why.contains("no worker has connected"), "{why}");
 
-    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "1"]);
+    let worker = sandbox.start("worker", &["--connect", &address, "--slots", "1"]);
     let some = |status: &serde_json::Value| status["samples"]["done"].as_u64() > Some(10_000);
     sandbox.wait_for("c.db", "some samples", some);
     let status: serde_json::Value =
@@ -146,7 +147,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
     assert_eq!(worker.finish().0.code(), Some(14));
     // The same command continues.
     let again = sandbox.start("coordinator", &serve);
-    let worker = sandbox.start("worker", &["--connect", &url, "--slots", "1"]);
+    let worker = sandbox.start("worker", &["--connect", &address, "--slots", "1"]);
     let done = |status: &serde_json::Value| status["samples"]["done"].as_u64();
     sandbox.wait_for("c.db", "more samples", |status| done(status) > done(&held));
     worker.terminate();
@@ -156,7 +157,7 @@ fn a_running_campaign_can_be_asked_and_drained() {
 }
 
 #[tokio::test]
-async fn a_stranger_learns_what_can_be_asked() {
+async fn anyone_with_the_access_file_learns_what_can_be_asked() {
     use tonic_reflection::pb::v1::ServerReflectionRequest;
     use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
     use tonic_reflection::pb::v1::server_reflection_request::MessageRequest;
@@ -164,11 +165,13 @@ async fn a_stranger_learns_what_can_be_asked() {
 
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(60, 6));
-    let _coordinator = place.serve(&["--insecure"]);
+    let _coordinator = place.serve(&["--access", "c.access"]);
     sandbox.wait_for(DB, "a store", |_| true);
-    let channel = tonic::transport::Endpoint::new(place.url.replace("https", "http"))
-        .unwrap()
-        .connect_lazy();
+    let arguments = ConnectArguments {
+        access: Some(sandbox.path("c.access")),
+        connect: None,
+    };
+    let channel = arguments.link(Role::Client).unwrap().channel();
 
     let request = ServerReflectionRequest {
         message_request: Some(MessageRequest::ListServices(String::new())),
@@ -207,7 +210,7 @@ fn who_watches_through_a_restart_sees_the_end_all_the_same() {
     let place = Place::new(&sandbox, &small_campaign(60, 6));
     let coordinator = place.serve(&["--keep-serving"]);
     sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
-    let watch = ["status", "--watch", "--connect", &place.url];
+    let watch = ["status", "--watch", "--connect", &place.address];
     let watch = sandbox.start("coordinator", &watch);
     // The first answer comes at once, and a worker's registration counts as a change.
     std::thread::sleep(std::time::Duration::from_secs(3));
@@ -231,7 +234,7 @@ fn whoever_watches_sees_the_end() {
     // The coordinator makes the DoE after writing the access file.
     sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
     let worker = place.worker(&[]);
-    let watch = ["status", "--watch", "--json", "--connect", &place.url];
+    let watch = ["status", "--watch", "--json", "--connect", &place.address];
     let output = sandbox.coordinator(&watch);
     assert_code(&output, 0);
     let text = printed(&output);

@@ -14,8 +14,7 @@ const SHORT_LEASES: [&str; 2] = ["--lease", "5"];
 pub(crate) struct Place<'s> {
     sandbox: &'s Sandbox,
     pub(crate) file: String,
-    address: String,
-    pub(crate) url: String,
+    pub(crate) address: String,
 }
 
 impl<'s> Place<'s> {
@@ -26,12 +25,10 @@ impl<'s> Place<'s> {
 
     /// Uses the campaign in an existing file.
     pub(crate) fn of_file(sandbox: &'s Sandbox, file: &str) -> Self {
-        let address = free_address().to_string();
         Self {
             sandbox,
             file: file.to_owned(),
-            url: format!("https://{address}"),
-            address,
+            address: free_address().to_string(),
         }
     }
 
@@ -65,13 +62,13 @@ impl<'s> Place<'s> {
     }
 
     pub(crate) fn worker(&self, options: &[&str]) -> Running {
-        let connect = ["--connect", &self.url];
+        let connect = ["--connect", &self.address];
         self.sandbox.start("worker", &[&connect, options].concat())
     }
 
     /// Runs a worker until it ends by itself.
     pub(crate) fn work(&self, options: &[&str]) -> Output {
-        let connect = ["--connect", &self.url];
+        let connect = ["--connect", &self.address];
         self.sandbox.run("worker", &[&connect, options].concat())
     }
 
@@ -84,7 +81,7 @@ impl<'s> Place<'s> {
     pub(crate) fn ask(&self, arguments: &[&str]) -> String {
         let output = self
             .sandbox
-            .coordinator(&[arguments, &["--connect", &self.url]].concat());
+            .coordinator(&[arguments, &["--connect", &self.address]].concat());
         assert_code(&output, 0);
         printed(&output)
     }

@@ -1,8 +1,8 @@
-//! Keys made by `keygen`, programs that use them, and programs without them.
+//! Access files and their secrets: programs that have them, and programs that do not.
 
 use std::fs;
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt as _;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -19,58 +19,56 @@ fn tiny() -> String {
 /// Time limit for a refusal, even on a busy machine: the program must not wait.
 const BOUNDED: Duration = Duration::from_secs(30);
 
-/// A coordinator with its own keys that keeps serving.
+/// The access file of the coordinators in these tests.
+const FILE: &str = "c.access";
+
+/// A coordinator that keeps serving.
 struct Guarded {
     sandbox: Sandbox,
     coordinator: Running,
-    port: u16,
+    address: String,
 }
 
 impl Guarded {
-    /// Starts a coordinator with all keys of `keygen`. With `client_ca`, workers need a
-    /// certificate, too.
-    fn start(campaign: &str, client_ca: bool) -> Self {
+    fn start(campaign: &str) -> Self {
         let sandbox = Sandbox::new();
-        assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
         let file = sandbox.write("c.toml", campaign);
-        let address = free_address();
-        let listen = address.to_string();
-        let mut serve = vec![
-            "serve",
-            file.to_str().unwrap(),
-            "--db",
-            "c.db",
-            "--listen",
-            &listen,
-            "--keep-serving",
-            "--tls-cert",
-            "keys/server.pem",
-            "--tls-key",
-            "keys/server.key",
-            "--token-file",
-            "keys/coordinator.tokens",
-        ];
-        if client_ca {
-            serve.extend(["--client-ca", "keys/ca.pem"]);
-        }
-        let coordinator = sandbox.start("coordinator", &serve);
+        let address = free_address().to_string();
+        let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
+        let options = ["--listen", &address, "--access", FILE, "--keep-serving"];
+        let coordinator = sandbox.start("coordinator", &[&serve[..], &options].concat());
+        // The port opens and the access file is written before the store exists.
+        sandbox.wait_for("c.db", "the store", |_| true);
         Self {
             sandbox,
             coordinator,
-            port: address.port(),
+            address,
         }
     }
 
-    fn worker(&self, scheme: &str, more: &[&str]) -> Output {
-        let url = format!("{scheme}://localhost:{}", self.port);
-        let arguments = [&["--connect", &url, "--slots", "1"], more].concat();
+    /// Writes a copy of the access file after a change.
+    fn copy(&self, name: &str, change: impl Fn(&str) -> String) {
+        let text = fs::read_to_string(self.sandbox.path(FILE)).unwrap();
+        private(&self.sandbox, name, &change(&text));
+    }
+
+    /// Writes a copy of the access file without the line that begins with `key`.
+    fn copy_without(&self, name: &str, key: &str) {
+        self.copy(name, |text| {
+            let lines = text.split_inclusive('\n');
+            lines.filter(|line| !line.starts_with(key)).collect()
+        });
+    }
+
+    fn worker(&self, more: &[&str]) -> Output {
+        let arguments = [&["--slots", "1"], more].concat();
         self.sandbox.run("worker", &arguments)
     }
 
     /// Checks that a worker is refused permanently, with a sentence that contains all `parts`.
-    fn refused(&self, scheme: &str, more: &[&str], code: i32, parts: &[&str]) {
+    fn refused(&self, more: &[&str], code: i32, parts: &[&str]) {
         let since = Instant::now();
-        let output = self.worker(scheme, more);
+        let output = self.worker(more);
         assert_code(&output, code);
         let message = errors(&output);
         assert_eq!(message.trim().lines().count(), 1, "{message}");
@@ -78,269 +76,216 @@ impl Guarded {
             assert!(message.contains(part), "no {part:?} in {message}");
         }
         assert!(since.elapsed() < BOUNDED, "{message} took too long");
-        no_secret_in(&self.sandbox, &message);
+        self.no_secret_in(&message);
     }
-}
 
-/// Checks that `text` contains no generated token.
-fn no_secret_in(sandbox: &Sandbox, text: &str) {
-    let tokens = fs::read_to_string(sandbox.path("keys/coordinator.tokens")).unwrap();
-    let secrets: Vec<&str> = tokens
-        .lines()
-        .filter(|line| line.starts_with("pitchline-"))
-        .collect();
-    assert_eq!(secrets.len(), 2);
-    for secret in secrets {
-        let digits = secret.rsplit('-').next().unwrap();
-        assert!(!text.contains(digits), "a secret in {text}");
-    }
-}
-
-const CA: [&str; 2] = ["--tls-ca", "keys/ca.pem"];
-const TOKEN: [&str; 2] = ["--token-file", "keys/worker.token"];
-const CERTIFICATE: [&str; 4] = [
-    "--tls-cert",
-    "keys/client.pem",
-    "--tls-key",
-    "keys/client.key",
-];
-
-#[test]
-fn keygen_makes_private_files_names_them_and_overwrites_nothing() {
-    let sandbox = Sandbox::new();
-    let output = sandbox.coordinator(&["keygen", "keys", "--host", "head.example.org"]);
-    assert_code(&output, 0);
-    let described = printed(&output);
-    let mode = |name: &str| {
-        fs::metadata(sandbox.path(name))
-            .unwrap()
-            .permissions()
-            .mode()
-            & 0o777
-    };
-    assert_eq!(mode("keys"), 0o700);
-    for name in ["ca.pem", "server.pem", "client.pem"] {
-        assert!(described.contains(name), "no {name} in {described}");
-        assert!(sandbox.path("keys").join(name).exists());
-    }
-    for name in [
-        "ca.key",
-        "server.key",
-        "client.key",
-        "coordinator.tokens",
-        "worker.token",
-        "client.token",
-    ] {
-        let name = format!("keys/{name}");
-        assert_eq!(mode(&name), 0o600, "{name}");
-        assert!(described.contains(&name), "no {name} in {described}");
-        let secret = fs::read_to_string(sandbox.path(&name)).unwrap();
-        for line in secret.lines().filter(|line| line.len() > 40) {
-            let shown = described.contains(line) && !line.starts_with('#');
-            assert!(!shown, "{name} is printed");
+    /// Checks that `text` contains no token.
+    fn no_secret_in(&self, text: &str) {
+        let access = fs::read_to_string(self.sandbox.path(FILE)).unwrap();
+        let secrets: Vec<&str> = access
+            .lines()
+            .filter_map(|line| line.split_once("_token = "))
+            .map(|(_, token)| token.trim_matches('"').rsplit('-').next().unwrap())
+            .collect();
+        assert_eq!(secrets.len(), 2);
+        for secret in secrets {
+            assert!(!text.contains(secret), "a secret in {text}");
         }
     }
-    for part in [
-        "coordinator serve",
-        "worker",
-        "https://head.example.org:7400",
-    ] {
-        assert!(described.contains(part), "no {part:?} in {described}");
-    }
 
-    let before = fs::read(sandbox.path("keys/worker.token")).unwrap();
-    let again = sandbox.coordinator(&["keygen", "keys"]);
-    assert_code(&again, 4);
-    assert!(
-        errors(&again).contains("nothing is overwritten"),
-        "{}",
-        errors(&again)
-    );
-    assert_eq!(fs::read(sandbox.path("keys/worker.token")).unwrap(), before);
-    assert_code(
-        &sandbox.coordinator(&["keygen", "more", "--host", "no host"]),
-        2,
-    );
-    assert!(!sandbox.path("more").exists());
-}
-
-#[test]
-fn a_campaign_finishes_over_tls_with_tokens() {
-    for client_ca in [false, true] {
-        let guarded = Guarded::start(&tiny(), client_ca);
-        let mut shown = [CA, TOKEN].concat();
-        if client_ca {
-            shown.extend(CERTIFICATE);
-        }
-        assert_code(&guarded.worker("https", &shown), 0);
-        let status = guarded.sandbox.status("c.db").unwrap();
-        assert_eq!(status["finished"], true, "{status}");
-        guarded.coordinator.terminate();
-        let (status, log) = guarded.coordinator.finish();
+    /// Ends the coordinator, whose campaign is finished; returns its log.
+    fn end(self) -> String {
+        self.coordinator.terminate();
+        let (status, log) = self.coordinator.finish();
         assert_eq!(status.code(), Some(0), "{log}");
+        log
     }
+}
+
+/// Writes a file that only its owner can read.
+fn private(sandbox: &Sandbox, name: &str, text: &str) {
+    let path = sandbox.write(name, text);
+    fs::set_permissions(path, fs::Permissions::from_mode(0o600)).unwrap();
+}
+
+#[test]
+fn a_campaign_finishes_with_a_copy_of_the_access_file() {
+    let guarded = Guarded::start(&tiny());
+    // A worker needs no more than a copy without the token for commands.
+    guarded.copy_without("worker.access", "client_token");
+    assert_code(&guarded.worker(&["--access", "worker.access"]), 0);
+    let status = guarded.sandbox.status("c.db").unwrap();
+    assert_eq!(status["finished"], true, "{status}");
+    guarded.end();
 }
 
 #[test]
 fn a_worker_without_the_right_to_is_refused_for_good() {
-    let guarded = Guarded::start(&tiny(), false);
-    let sandbox = &guarded.sandbox;
-    assert_code(&sandbox.coordinator(&["keygen", "others"]), 0);
-    let with_token = |file: &'static str| [&CA[..], &["--token-file", file]].concat();
+    let guarded = Guarded::start(&tiny());
+    let other = Guarded::start(&tiny());
+    let others = fs::read_to_string(other.sandbox.path(FILE)).unwrap();
+    private(&guarded.sandbox, "other.access", &others);
 
-    guarded.refused("https", &CA, 12, &["a token is needed", "--token-file"]);
-    let wrong = with_token("others/worker.token");
-    guarded.refused("https", &wrong, 12, &["not one of this coordinator's"]);
-    let client = with_token("keys/client.token");
+    // The right certificate with another coordinator's token, and the other way round.
+    let token = |text: &str| {
+        let line = text.lines().find(|line| line.starts_with("worker_token"));
+        line.unwrap().to_owned()
+    };
+    guarded.copy("token.access", |text| {
+        text.replace(&token(text), &token(&others))
+    });
+    let wrong = ["--access", "token.access"];
+    guarded.refused(&wrong, 12, &["not one of this coordinator's"]);
+    let wrong = ["--access", "other.access", "--connect", &guarded.address];
     guarded.refused(
-        "https",
-        &client,
+        &wrong,
         12,
-        &["a client's token", "takes a worker's"],
+        &["not in the access file", "of this coordinator"],
     );
-    let astray = [&["--tls-ca", "others/ca.pem"], &TOKEN[..]].concat();
-    guarded.refused("https", &astray, 12, &["no reason to trust", "ca.pem"]);
-    guarded.refused("http", &TOKEN, 12, &["TLS only", "https://"]);
-    guarded.refused("https", &TOKEN, 2, &["--tls-ca"]);
+    guarded.copy_without("client.access", "worker_token");
+    let client = ["--access", "client.access"];
+    guarded.refused(&client, 12, &["a client's token", "takes a worker's"]);
 
-    fs::write(sandbox.path("rubbish"), "hunter2").unwrap();
-    fs::set_permissions(sandbox.path("rubbish"), fs::Permissions::from_mode(0o600)).unwrap();
-    guarded.refused("https", &with_token("rubbish"), 4, &["line 1 is no token"]);
-    guarded.refused("https", &with_token("nowhere"), 4, &["nowhere"]);
-    let exposed = sandbox.path("others/worker.token");
+    private(&guarded.sandbox, "rubbish", "hunter2");
+    guarded.refused(&["--access", "rubbish"], 4, &["rubbish", "line 1"]);
+    guarded.copy("none.access", |text| {
+        let lines = text.split_inclusive('\n');
+        lines.filter(|line| !line.contains("_token")).collect()
+    });
+    guarded.refused(&["--access", "none.access"], 4, &["neither worker_token"]);
+    let nowhere = ["--access", "nowhere", "--connect-timeout", "1"];
+    guarded.refused(&nowhere, 11, &["nowhere"]);
+    let exposed = guarded.sandbox.path("other.access");
     fs::set_permissions(exposed, fs::Permissions::from_mode(0o640)).unwrap();
-    guarded.refused("https", &wrong, 4, &["chmod 600 others/worker.token"]);
+    let exposed = ["--access", "other.access"];
+    guarded.refused(&exposed, 4, &["chmod 600 other.access"]);
 
     // After all refusals the right worker is still accepted.
-    assert_code(&guarded.worker("https", &[CA, TOKEN].concat()), 0);
-    guarded.coordinator.terminate();
-    let (status, log) = guarded.coordinator.finish();
-    assert_eq!(status.code(), Some(0), "{log}");
+    assert_code(&guarded.worker(&["--access", FILE]), 0);
+    let access = fs::read_to_string(guarded.sandbox.path(FILE)).unwrap();
+    let log = guarded.end();
     assert!(log.contains("refused a call"), "{log}");
-    no_secret_in(sandbox, &log);
-}
-
-#[test]
-fn a_worker_without_a_certificate_is_refused_where_one_is_wanted() {
-    let guarded = Guarded::start(&tiny(), true);
-    assert_code(&guarded.sandbox.coordinator(&["keygen", "others"]), 0);
-    let shown = [CA, TOKEN].concat();
-    guarded.refused(
-        "https",
-        &shown,
-        12,
-        &["asks for a certificate", "--tls-cert"],
-    );
-    let others = [
-        "--tls-cert",
-        "others/client.pem",
-        "--tls-key",
-        "others/client.key",
-    ];
-    let wrong = [&shown[..], &others].concat();
-    guarded.refused("https", &wrong, 12, &["does not accept the certificate"]);
-    // A certificate does not replace the token.
-    let no_token = [&CA[..], &CERTIFICATE].concat();
-    guarded.refused("https", &no_token, 12, &["a token is needed"]);
-    let half = [&shown[..], &CERTIFICATE[..2]].concat();
-    let output = guarded.worker("https", &half);
-    assert_code(&output, 2);
+    for secret in [token(&access), token(&others)] {
+        let secret = secret.rsplit('-').next().unwrap().trim_matches('"');
+        assert!(!log.contains(secret), "a secret in {log}");
+    }
 }
 
 #[test]
 fn clients_look_and_steer_with_their_own_token() {
-    let guarded = Guarded::start(&tiny(), true);
-    let url = format!("https://localhost:{}", guarded.port);
-    let ask = |command: &str, token: &str| {
-        let token = ["--token-file", token];
-        let arguments = [&[command, "--connect", &url][..], &CA, &CERTIFICATE, &token].concat();
+    let guarded = Guarded::start(&tiny());
+    let ask = |command: &str, file: &str| {
+        let arguments = [command, "--access", file];
         guarded.sandbox.coordinator(&arguments)
     };
-    // The port opens before the store exists.
-    guarded.sandbox.wait_for("c.db", "the store", |_| true);
+    guarded.copy_without("worker.access", "client_token");
+    guarded.copy_without("client.access", "worker_token");
     for command in ["status", "explain"] {
-        assert_code(&ask(command, "keys/client.token"), 0);
+        assert_code(&ask(command, "client.access"), 0);
     }
     for command in ["status", "explain", "drain"] {
-        let output = ask(command, "keys/worker.token");
+        let output = ask(command, "worker.access");
         assert_code(&output, 12);
         let message = errors(&output);
         assert!(message.contains("a worker's token"), "{message}");
         assert!(message.contains("takes a client's"), "{message}");
-        no_secret_in(&guarded.sandbox, &message);
+        guarded.no_secret_in(&message);
     }
     // The refused drain had no effect.
-    let shown = [&CA[..], &TOKEN, &CERTIFICATE].concat();
-    assert_code(&guarded.worker("https", &shown), 0);
+    assert_code(&guarded.worker(&["--access", "worker.access"]), 0);
     let status = guarded.sandbox.status("c.db").unwrap();
     assert_eq!(status["finished"], true, "{status}");
 }
 
 #[test]
-fn a_secret_does_not_travel_in_clear() {
-    let sandbox = Sandbox::new();
-    assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
-    // An address reserved for documentation: nothing must be sent there.
-    let url = "http://192.0.2.1:7400";
-    let output = sandbox.run("worker", &["--connect", url, TOKEN[0], TOKEN[1]]);
-    assert_code(&output, 2);
-    let message = errors(&output);
-    for part in ["in clear", "https://", url] {
-        assert!(message.contains(part), "no {part:?} in {message}");
-    }
-    let output = sandbox.run("worker", &["--connect", "http://127.0.0.1:1", CA[0], CA[1]]);
-    assert_code(&output, 2);
+fn a_restarted_coordinator_keeps_its_secrets() {
+    let guarded = Guarded::start(&small_campaign(60, 4000));
+    guarded.copy_without("worker.access", "client_token");
+    let secrets = || {
+        let text = fs::read_to_string(guarded.sandbox.path(FILE)).unwrap();
+        let (_, secrets) = text.split_once("worker_token").unwrap();
+        secrets.to_owned()
+    };
+    let before = secrets();
+    guarded.coordinator.kill();
+    let serve = ["serve", "c.toml", "--db", "c.db", "--access", FILE];
+    let options = ["--listen", &guarded.address];
+    let coordinator = guarded
+        .sandbox
+        .start("coordinator", &[&serve[..], &options].concat());
+    // A copy from before the restart is as good as the new file.
+    let worker = ["--access", "worker.access", "--slots", "1"];
+    let worker = guarded.sandbox.start("worker", &worker);
+    guarded.sandbox.wait_for("c.db", "some samples", |status| {
+        status["samples"]["done"].as_u64() > Some(0)
+    });
+    assert_eq!(secrets(), before);
+    assert_eq!(worker.finish().0.code(), Some(0));
+    assert_eq!(coordinator.finish().0.code(), Some(0));
 }
 
 #[test]
-fn half_of_a_guard_is_refused_and_leaves_nothing_behind() {
+fn a_secret_does_not_travel_in_clear() {
+    let guarded = Guarded::start(&tiny());
+    // Another program listens at the address.
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    let other = std::thread::spawn(move || {
+        let (mut stream, _) = listener.accept().unwrap();
+        stream
+            .write_all(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+            .unwrap();
+        let mut received = Vec::new();
+        stream.read_to_end(&mut received).unwrap();
+        String::from_utf8_lossy(&received).into_owned()
+    });
+    let astray = ["--access", FILE, "--connect", &address];
+    guarded.refused(&astray, 12, &["does not speak TLS", &address]);
+    let received = other.join().unwrap();
+    assert!(!received.is_empty() && !received.contains("Bearer"));
+    guarded.no_secret_in(&received);
+}
+
+#[test]
+fn an_exposed_secret_or_page_is_refused_and_leaves_nothing_behind() {
     let sandbox = Sandbox::new();
-    assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
     let file = sandbox.write("tiny.toml", &tiny());
     let file = file.to_str().unwrap();
     let serve = ["serve", file, "--db", "c.db", "--listen", "127.0.0.1:0"];
-    let tls = [
-        "--tls-cert",
-        "keys/server.pem",
-        "--tls-key",
-        "keys/server.key",
-    ];
-    let tokens = ["--token-file", "keys/coordinator.tokens"];
-    for (more, part) in [
-        (&tls[..], "--token-file"),
-        (&tokens[..], "--tls-cert"),
-        (&[tokens[0], tokens[1], "--insecure"], "--insecure"),
-    ] {
-        let output = sandbox.coordinator(&[&serve[..], more].concat());
-        assert_code(&output, 2);
-        assert!(errors(&output).contains(part), "{}", errors(&output));
-    }
+    let refused = |arguments: &[&str], code: i32, parts: &[&str]| {
+        let output = sandbox.coordinator(arguments);
+        assert_code(&output, code);
+        for part in parts {
+            let message = errors(&output);
+            assert!(message.contains(part), "no {part:?} in {message}");
+        }
+    };
     // The live page and the metrics have no protection.
     for command in [
         &serve[..],
         &["run", file, "--db", "c.db"],
         &["view", "--db", "c.db"],
     ] {
-        let output = sandbox.coordinator(&[command, &["--http", "0.0.0.0:9400"]].concat());
-        assert_code(&output, 2);
-        for part in ["--http 0.0.0.0:9400", "127.0.0.1:9400", "--insecure"] {
-            let message = errors(&output);
-            assert!(message.contains(part), "no {part:?} in {message}");
-        }
+        let command = [command, &["--http", "0.0.0.0:9400"]].concat();
+        refused(
+            &command,
+            2,
+            &["--http 0.0.0.0:9400", "127.0.0.1:9400", "ssh -L"],
+        );
     }
-    let half = [&serve[..], &tls, &["--token-file", "keys/worker.token"]].concat();
-    let output = sandbox.coordinator(&half);
-    assert_code(&output, 4);
-    assert!(
-        errors(&output).contains("no client's token"),
-        "{}",
-        errors(&output)
-    );
-    let path = sandbox.path("keys/coordinator.tokens");
-    fs::set_permissions(path, fs::Permissions::from_mode(0o644)).unwrap();
-    let output = sandbox.coordinator(&[&serve[..], &tls, &tokens].concat());
-    assert_code(&output, 4);
-    assert!(errors(&output).contains("chmod 600"), "{}", errors(&output));
+    let host = [&serve[..], &["--host", "https://head"]].concat();
+    refused(&host, 2, &["https://head", "head.example.org"]);
+    // Both files of an earlier coordinator.
+    private(&sandbox, FILE, "");
+    private(&sandbox, "c.access.key", "");
+    let with_file = [&serve[..], &["--access", FILE]].concat();
+    for name in [FILE, "c.access.key"] {
+        let path = sandbox.path(name);
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).unwrap();
+        refused(&with_file, 4, &["chmod 600", name]);
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+    }
+    refused(&with_file, 4, &["line 1"]);
     assert!(
         !sandbox.path("c.db").exists(),
         "a refused command left a store"
@@ -351,9 +296,8 @@ fn half_of_a_guard_is_refused_and_leaves_nothing_behind() {
 fn strangers_on_the_port_disturb_nobody() {
     // Some seconds of sampling, during which garbage arrives all the time.
     let longer = small_campaign(60, 4000);
-    let guarded = Guarded::start(&longer, false);
-    let url = format!("https://localhost:{}", guarded.port);
-    let work = [&["--connect", &url, "--slots", "1"][..], &CA, &TOKEN].concat();
+    let guarded = Guarded::start(&longer);
+    let work = ["--access", FILE, "--slots", "1"];
     let worker = guarded.sandbox.start("worker", &work);
     guarded
         .sandbox
@@ -364,7 +308,7 @@ fn strangers_on_the_port_disturb_nobody() {
     // Some connections keep half a handshake open as long as possible, others send garbage.
     let mut half_open = Vec::new();
     for index in 0..200_u32 {
-        let mut stream = TcpStream::connect(("127.0.0.1", guarded.port)).unwrap();
+        let mut stream = TcpStream::connect(&guarded.address).unwrap();
         let rubbish: Vec<u8> = match index % 4 {
             0 => b"\x16\x03\x01\x40\x00\x01".to_vec(),
             1 => b"POST /pitchline.v1.Campaign/Report HTTP/1.1\r\n\r\n".to_vec(),
@@ -395,9 +339,7 @@ fn strangers_on_the_port_disturb_nobody() {
         since.elapsed() < BOUNDED,
         "strangers were kept for too long"
     );
-    guarded.coordinator.terminate();
-    let (status, log) = guarded.coordinator.finish();
-    assert_eq!(status.code(), Some(0), "{log}");
+    let log = guarded.end();
     assert!(log.contains("dropped a connection"), "{log}");
     assert!(
         log.lines().count() < 100,
@@ -408,7 +350,6 @@ fn strangers_on_the_port_disturb_nobody() {
 #[test]
 fn no_log_is_so_chatty_that_it_tells_a_secret() {
     let sandbox = Sandbox::new();
-    assert_code(&sandbox.coordinator(&["keygen", "keys"]), 0);
     sandbox.write("c.toml", &tiny());
     let chatty = |program: &str, arguments: &[&str]| {
         let mut command = Command::new(binary(program));
@@ -531,17 +472,21 @@ fn on_loopback_too_a_call_without_a_token_is_refused() {
     let _coordinator = sandbox.start("coordinator", &serve);
     sandbox.wait_for("c.db", "the store", |_| true);
     let stranger = Sandbox::new();
-    for url in [format!("http://{address}"), format!("https://{address}")] {
-        let code = if url.starts_with("https") { 11 } else { 12 };
-        let connect = ["--connect", &url];
-        let output = stranger.run(
-            "worker",
-            &[&connect[..], &["--connect-timeout", "1"]].concat(),
-        );
-        assert_code(&output, code);
-        let output = stranger.coordinator(&[&["drain"][..], &connect].concat());
-        assert_code(&output, code);
-    }
+    let connect = ["--connect", &address];
+    let patience = ["--connect-timeout", "1"];
+    assert_code(&stranger.run("worker", &[connect, patience].concat()), 11);
+    assert_code(
+        &stranger.coordinator(&[&["drain"][..], &connect].concat()),
+        11,
+    );
+    // A client of one's own making.
+    let mut stream = TcpStream::connect(&address).unwrap();
+    stream
+        .write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 400 "), "{answer}");
     let status = sandbox.status("c.db").unwrap();
     assert_eq!(status["failures"], 0, "{status}");
     // The owner's command is accepted.

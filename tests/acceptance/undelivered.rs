@@ -80,7 +80,7 @@ fn worker_without_coordinator(place: &Place<'_>, sandbox: &Sandbox, work: &[&str
 fn finish(place: &Place<'_>, sandbox: &Sandbox, work: &[&str]) -> String {
     let coordinator = place.serve(&[]);
     let log = [("PITCHLINE_LOG", "info"), ("NO_COLOR", "1")];
-    let connect = ["--connect", &place.url];
+    let connect = ["--connect", &place.address];
     let worker = sandbox.start_with("worker", &[&connect, work].concat(), &log);
     let (status, said) = worker.finish();
     assert_eq!(status.code(), Some(0), "{said}");

@@ -11,8 +11,7 @@ use std::time::Duration;
 use campaign::formulation::Problem;
 use campaign::task::compute;
 use coordinator::board::{Board, Course};
-use gateway::files::Credentials;
-use gateway::{Dial, Link, Role};
+use gateway::{Dial, Link};
 use ledger::Vanished;
 use protocol::v1::campaign_server::CampaignServer;
 use protocol::v1::{
@@ -31,7 +30,6 @@ use worker::{Options, Worker};
 
 use crate::bench::{LEASE, Memory, campaign, expected, introduction, service};
 
-const URL: &str = "http://coordinator:7400";
 const PORT: u16 = 7400;
 const WORKERS: [&str; 2] = ["worker-0", "worker-1"];
 
@@ -150,13 +148,8 @@ impl World {
     }
 }
 
-fn dial() -> Dial {
-    Dial::new(|host, port| async move { TcpStream::connect((host, port)).await })
-}
-
 fn link() -> Link {
-    let none = Credentials::default();
-    gateway::link::connect(dial(), URL, &none, Role::Worker).expect("a good address")
+    Link::local(Dial::new(|| TcpStream::connect(("coordinator", PORT))))
 }
 
 fn options(host: &str) -> Options {

@@ -8,8 +8,8 @@ use campaign::Approach;
 use clap::{Args, Parser, Subcommand};
 use console::LogFormat;
 use coordinator::server;
-use gateway::client::Reach;
-use gateway::guard::GuardFiles;
+use gateway::address;
+use gateway::client::ConnectArguments;
 use results::export::Table;
 use results::table::Format;
 use stages::optima::approach_of;
@@ -94,8 +94,6 @@ pub(crate) enum Command {
     Check(Check),
     /// Write a commented campaign file to start from
     Init(Init),
-    /// Make certificates and tokens for a site that wants its own instead of access files
-    Keygen(Keygen),
 }
 
 #[derive(Debug, Args)]
@@ -179,15 +177,8 @@ pub(crate) struct PortArguments {
     #[arg(long, value_name = "FILE", env = "PITCHLINE_ACCESS")]
     pub(crate) access: Option<PathBuf>,
     /// A further name or address of this machine for the access file; may be repeated
-    #[arg(long = "host", value_name = "NAME")]
+    #[arg(long = "host", value_name = "NAME", value_parser = address::host)]
     pub(crate) hosts: Vec<String>,
-    #[command(flatten)]
-    pub(crate) guard: GuardFiles,
-    /// Listen without TLS, tokens or access file: anybody who reaches the port can join or listen
-    /// in
-    #[arg(long, conflicts_with_all = ["token_file", "tls_cert", "tls_key", "client_ca"],
-        requires = "listen")]
-    pub(crate) insecure: bool,
 }
 
 #[derive(Debug, Args)]
@@ -217,7 +208,7 @@ pub(crate) struct Serve {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Serve a live page at http://ADDR, with its data at /api/v1/status and the like, and metrics for
-    /// Prometheus at /metrics; loopback only, unless --insecure
+    /// Prometheus at /metrics; loopback only
     #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
     /// Keep serving when the campaign is finished, until a signal or `drain`
@@ -237,7 +228,7 @@ pub(crate) struct Status {
     #[arg(long, value_name = "FILE")]
     pub(crate) db: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) reach: Reach,
+    pub(crate) connect: ConnectArguments,
     /// Check everything in the store against its digests first, which takes seconds for millions of
     /// samples
     #[arg(long, requires = "db")]
@@ -263,7 +254,7 @@ pub(crate) struct View {
 #[derive(Debug, Args)]
 pub(crate) struct Explain {
     #[command(flatten)]
-    pub(crate) reach: Reach,
+    pub(crate) connect: ConnectArguments,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -272,7 +263,7 @@ pub(crate) struct Explain {
 #[derive(Debug, Args)]
 pub(crate) struct Drain {
     #[command(flatten)]
-    pub(crate) reach: Reach,
+    pub(crate) connect: ConnectArguments,
     /// Lease jobs again after an earlier `drain`
     #[arg(long)]
     pub(crate) resume: bool,
@@ -281,7 +272,7 @@ pub(crate) struct Drain {
 #[derive(Debug, Args)]
 pub(crate) struct Retry {
     #[command(flatten)]
-    pub(crate) reach: Reach,
+    pub(crate) connect: ConnectArguments,
 }
 
 #[derive(Debug, Args)]
@@ -377,20 +368,6 @@ pub(crate) struct Check {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Keygen {
-    /// The folder for the certificates and tokens
-    #[arg(value_name = "DIR")]
-    pub(crate) folder: PathBuf,
-    /// A further name or address by which workers and clients reach the coordinator; may be repeated
-    #[arg(long = "host", value_name = "NAME")]
-    pub(crate) hosts: Vec<String>,
-    /// Days for which the certificates are valid
-    #[arg(long, value_name = "N", default_value_t = gateway::keygen::DAYS,
-        value_parser = clap::value_parser!(u32).range(1..=36_500))]
-    pub(crate) days: u32,
 }
 
 #[derive(Debug, Args)]

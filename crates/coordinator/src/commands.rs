@@ -4,16 +4,14 @@ use std::ffi::OsStr;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError};
 use coordinator::local::LocalWorkers;
 use coordinator::server::{self, Outcome, Plan};
-use coordinator::serving::{self, Port, Security};
-use gateway::access::{self, AccessError};
-use gateway::guard::{Guard, GuardError};
-use gateway::keygen::{self, KeygenError};
+use coordinator::serving::{self, Port};
+use gateway::access;
 use protocol::exit;
 use results::describing::describe;
 use results::export::Table;
@@ -76,7 +74,6 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Stability(arguments) => stability::stability(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
-        Command::Keygen(arguments) => make_keys(&arguments),
     }
 }
 
@@ -103,18 +100,6 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
             Some(sharding::Misfit::Doubled { .. }) => return exit::USAGE,
             None => {}
         }
-        if cause.is::<GuardError>() {
-            return exit::FILE_ACCESS;
-        }
-        if let Some(error) = cause.downcast_ref::<AccessError>() {
-            return access_exit_code(error);
-        }
-        match cause.downcast_ref::<KeygenError>() {
-            Some(KeygenError::Host { .. }) => return exit::USAGE,
-            Some(KeygenError::Random(_) | KeygenError::Certificate(_)) => return exit::FAILURE,
-            Some(_) => return exit::FILE_ACCESS,
-            None => {}
-        }
         match cause.downcast_ref::<results::modelling::Error>() {
             Some(results::modelling::Error::Settings(_)) => return exit::USAGE,
             Some(results::modelling::Error::Kriging(_)) => return exit::FAILURE,
@@ -133,19 +118,12 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         match cause.downcast_ref::<serving::Error>() {
             Some(serving::Error::Store(store)) => return store_exit_code(store),
             Some(serving::Error::Listen { .. }) => return exit::CANNOT_LISTEN,
-            Some(serving::Error::Access(error)) => return access_exit_code(error),
+            Some(serving::Error::Access(error)) => return error.exit_code(),
             Some(serving::Error::Other(error)) => return exit_code(error),
             None => {}
         }
     }
     exit::FAILURE
-}
-
-const fn access_exit_code(error: &AccessError) -> u8 {
-    match error {
-        AccessError::InUse { .. } => exit::CANNOT_LISTEN,
-        _ => exit::FILE_ACCESS,
-    }
 }
 
 const fn store_exit_code(error: &store::Error) -> u8 {
@@ -196,7 +174,7 @@ fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<(Campaign, String)> 
 
 async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
     let (campaign, text) = campaign_or_paper(arguments.campaign.as_deref())?;
-    viewing::refuse_open(arguments.http, false)?;
+    viewing::refuse_open(arguments.http)?;
     let db = arguments
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
@@ -256,7 +234,7 @@ fn local_workers(
 async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
     let text = read(&arguments.campaign)?;
     let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
-    viewing::refuse_open(arguments.http, arguments.port.insecure)?;
+    viewing::refuse_open(arguments.http)?;
     let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let workers = local_workers(&campaign, &arguments.simulator, arguments.workers)?;
@@ -277,20 +255,13 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
 
 /// The port of the campaign `name`.
 fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port> {
-    let security = if arguments.insecure {
-        Security::Guard(Guard::open())
-    } else {
-        match (Guard::load(&arguments.guard)?, arguments.access) {
-            (Some(guard), _) => Security::Guard(guard),
-            (None, file) => Security::Access {
-                file: file.map_or_else(|| access::default_file(name), Ok)?,
-                hosts: arguments.hosts,
-            },
-        }
-    };
     Ok(Port {
         listen: arguments.listen,
-        security,
+        access: match arguments.access {
+            Some(file) => file,
+            None => access::default_file(name)?,
+        },
+        hosts: arguments.hosts,
     })
 }
 
@@ -429,13 +400,6 @@ async fn compare(arguments: arguments::Compare) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
     let compared = comparing::compare(&store).await?;
     print_either(arguments.json, &compared.summary(), || compared.page())?;
-    Ok(exit::OK)
-}
-
-fn make_keys(arguments: &arguments::Keygen) -> anyhow::Result<u8> {
-    let (folder, hosts) = (&arguments.folder, &arguments.hosts);
-    keygen::make(folder, hosts, arguments.days, SystemTime::now())?;
-    print(&keygen::describe(folder, hosts))?;
     Ok(exit::OK)
 }
 

@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use gateway::files::Credentials;
-use gateway::{Dial, Role};
+use gateway::{Dial, Link};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use worker::{Exec, Options, Summary, Worker};
@@ -19,20 +18,15 @@ pub struct LocalWorkers {
 
 impl LocalWorkers {
     /// Starts the workers, which connect by `dial`.
-    ///
-    /// # Errors
-    ///
-    /// The connection cannot be set up. The address is a constant, so this is not expected.
+    #[must_use]
     pub fn start(
         &self,
         dial: &Dial,
         shutdown: &CancellationToken,
-    ) -> Result<JoinSet<Result<Summary, worker::Error>>, gateway::Error> {
+    ) -> JoinSet<Result<Summary, worker::Error>> {
         let mut workers = JoinSet::new();
         for index in 0..self.count {
-            let none = Credentials::default();
-            let link =
-                gateway::link::connect(dial.clone(), "http://in-process", &none, Role::Worker)?;
+            let link = Link::local(dial.clone());
             let options = Options {
                 slots: 1,
                 exec: self.exec.clone(),
@@ -46,6 +40,6 @@ impl LocalWorkers {
             };
             workers.spawn(Worker::new(link, options).run(shutdown.clone()));
         }
-        Ok(workers)
+        workers
     }
 }

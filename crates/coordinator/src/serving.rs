@@ -4,9 +4,9 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use gateway::access::{AccessError, Held};
-use gateway::guard::Guard;
-use gateway::port::{self, Doors};
+use gateway::Guard;
+use gateway::access::Issuer;
+use gateway::port::{self, Listeners};
 use tokio::net::TcpListener;
 use tokio::task::{JoinHandle, JoinSet};
 use tokio_util::sync::CancellationToken;
@@ -26,22 +26,10 @@ pub struct Port {
     /// The address to listen on. Without one: all interfaces, at the port of the last run if it is
     /// free.
     pub listen: Option<SocketAddr>,
-    /// How the port authenticates its callers.
-    pub security: Security,
-}
-
-/// How a port authenticates its callers.
-#[derive(Debug)]
-pub enum Security {
-    /// The secrets of an access file, which the coordinator writes.
-    Access {
-        /// The file.
-        file: PathBuf,
-        /// Names and addresses of this machine to write into the access file, besides those found.
-        hosts: Vec<String>,
-    },
-    /// Certificates and tokens of the user, or no checks at all.
-    Guard(Guard),
+    /// The access file, which the coordinator writes.
+    pub access: PathBuf,
+    /// Names and addresses of this machine to write into the access file, besides those found.
+    pub hosts: Vec<String>,
 }
 
 /// An error that ends a campaign.
@@ -52,7 +40,7 @@ pub enum Error {
     Store(#[from] store::Error),
     /// The access file cannot be used.
     #[error(transparent)]
-    Access(#[from] AccessError),
+    Access(#[from] gateway::Error),
     /// The address cannot be listened on.
     #[error("cannot listen on {address}: choose another {option} address, or stop what uses it")]
     Listen {
@@ -90,23 +78,16 @@ pub(crate) struct OpenPort {
     listener: TcpListener,
     address: SocketAddr,
     guard: Guard,
-    access: Option<Held>,
+    issuer: Issuer,
 }
 
 impl OpenPort {
     /// Binds the port of the campaign `name`.
     pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, Error> {
-        let mut for_hosts = Vec::new();
-        let (guard, access) = match &port.security {
-            Security::Access { file, hosts } => {
-                for_hosts.clone_from(hosts);
-                let held = Held::take(file, name)?;
-                (held.guard()?, Some(held))
-            }
-            Security::Guard(guard) => (guard.clone(), None),
-        };
+        let issuer = Issuer::new(&port.access, name)?;
+        let guard = issuer.guard()?;
         let everywhere = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
-        let listener = match (port.listen, access.as_ref().and_then(Held::last_port)) {
+        let listener = match (port.listen, issuer.last_port()) {
             (Some(address), _) => listen("--listen", address).await?,
             // Workers that wait for this coordinator try the last port first.
             (None, Some(last)) => match listen("--listen", everywhere(last)).await {
@@ -121,11 +102,11 @@ impl OpenPort {
             source,
         })?;
         Ok(Self {
-            hosts: for_hosts,
+            hosts: port.hosts.clone(),
             listener,
             address,
             guard,
-            access,
+            issuer,
         })
     }
 }
@@ -134,7 +115,7 @@ impl OpenPort {
 pub(crate) struct Serving {
     hang_up: CancellationToken,
     server: JoinHandle<anyhow::Result<()>>,
-    access: Option<Held>,
+    issuer: Option<Issuer>,
     stop_workers: CancellationToken,
     workers: JoinSet<Result<worker::Summary, worker::Error>>,
 }
@@ -152,29 +133,25 @@ impl Serving {
     ) -> Result<Self, Error> {
         let hang_up = CancellationToken::new();
         let (dial, local) = port::local();
-        let mut access = None;
+        let mut issuer = None;
         let port = match opened {
             Some(opened) => {
-                if let Some(mut held) = opened.access {
-                    let file = held.publish(opened.address, &opened.hosts)?;
-                    info!(access = %file.display(), "workers and commands need this file, or a copy");
-                    access = Some(held);
-                }
+                let issuer = issuer.insert(opened.issuer);
+                let file = issuer.publish(opened.address, &opened.hosts)?;
+                info!(access = %file.display(), "workers and commands need this file, or a copy");
                 info!(address = %opened.address, "listening");
                 Some((opened.listener, opened.guard))
             }
             None => None,
         };
-        let doors = Doors { port, local };
-        let server = tokio::spawn(port::serve(service, doors, hang_up.clone()));
+        let listeners = Listeners { port, local };
+        let server = tokio::spawn(port::serve(service, listeners, hang_up.clone()));
         let stop_workers = CancellationToken::new();
-        let workers = workers
-            .start(&dial, &stop_workers)
-            .map_err(anyhow::Error::from)?;
+        let workers = workers.start(&dial, &stop_workers);
         Ok(Self {
             hang_up,
             server,
-            access,
+            issuer,
             stop_workers,
             workers,
         })
@@ -215,8 +192,8 @@ impl Serving {
         self.hang_up.cancel();
         // Connections still open are cut: their workers reconnect.
         let _ = tokio::time::timeout(Duration::from_secs(2), self.server).await;
-        if let (true, Some(access)) = (is_finished, self.access) {
-            access.remove();
+        if let (true, Some(issuer)) = (is_finished, self.issuer) {
+            issuer.remove();
         }
     }
 }

@@ -138,8 +138,6 @@ impl Future for Probation {
 pub(crate) struct Peer {
     /// The address of the peer; `None` within this process.
     pub(crate) address: Option<SocketAddr>,
-    /// Whether the connection is unencrypted although the port requires encryption.
-    pub(crate) wants_encryption: bool,
     standing: Arc<Mutex<Standing>>,
 }
 
@@ -154,10 +152,9 @@ enum Standing {
 
 impl Peer {
     /// The peer of a connection from `address`.
-    pub(crate) fn new(address: SocketAddr, wants_encryption: bool, newcomer: Newcomer) -> Self {
+    pub(crate) fn new(address: SocketAddr, newcomer: Newcomer) -> Self {
         Self {
             address: Some(address),
-            wants_encryption,
             standing: Arc::new(Mutex::new(Standing::Newcomer(newcomer))),
         }
     }
@@ -166,7 +163,6 @@ impl Peer {
     pub(crate) fn local() -> Self {
         Self {
             address: None,
-            wants_encryption: false,
             standing: Arc::new(Mutex::new(Standing::Admitted { _place: None })),
         }
     }
@@ -206,7 +202,7 @@ mod tests {
     use super::*;
 
     fn peer(newcomer: Newcomer) -> Peer {
-        Peer::new("127.0.0.1:1".parse().unwrap(), false, newcomer)
+        Peer::new("127.0.0.1:1".parse().unwrap(), newcomer)
     }
 
     #[tokio::test]

@@ -1,22 +1,15 @@
-//! Errors of workers and commands that talk to a coordinator.
+//! The errors of this crate.
 
+use std::io;
 use std::path::PathBuf;
 
 use protocol::{Refusal, exit};
 
-use crate::access::AccessError;
-use crate::files::CredentialError;
 use crate::tls::TlsFault;
 
-/// An error that ends a program's communication with its coordinator.
+/// An error of an access file, or one that ends a program's communication with its coordinator.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The address is not a URL of a coordinator.
-    #[error("{url:?} is no address of a coordinator: give one such as https://127.0.0.1:7400")]
-    Address {
-        /// The given address.
-        url: String,
-    },
     /// There is no access file, or none yet.
     #[error(
         "no coordinator's access file {place}: start `coordinator serve` on this machine, or give a \
@@ -32,91 +25,110 @@ pub enum Error {
         /// Their access files.
         files: String,
     },
-    /// An access file cannot be used.
-    #[error(transparent)]
-    Access(#[from] AccessError),
-    /// The connection is encrypted, but there is no certificate to authenticate the coordinator.
-    #[error(
-        "{url} needs --access FILE, the coordinator's access file; or --tls-ca FILE, the ca.pem \
-         that `coordinator keygen` made"
-    )]
-    NoAuthority {
-        /// The address.
-        url: String,
+    /// No default folder is known.
+    #[error("neither XDG_STATE_HOME nor HOME is set: say where the access file is, --access FILE")]
+    NoFolder,
+    /// The file cannot be read.
+    #[error("cannot read {}: {reason}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The error of the operating system.
+        reason: io::Error,
     },
-    /// A certificate authority was given for an unencrypted connection.
+    /// Others can read the file.
     #[error(
-        "--access and --tls-ca are for encrypted connections, and {url} is an open one: is it https://?"
+        "{} can be read by others (its mode is {mode:03o}), so it is no secret: chmod 600 {}",
+        path.display(), path.display()
     )]
-    NeedlessAuthority {
-        /// The address.
-        url: String,
+    Exposed {
+        /// The file.
+        path: PathBuf,
+        /// Its permission bits.
+        mode: u32,
     },
-    /// The token would be sent unencrypted.
+    /// The file is not an access file, or not one of this coordinator.
+    #[error("the access file {} cannot be used: {reason}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// The fault of the file.
+        reason: String,
+    },
+    /// Another coordinator uses the file.
     #[error(
-        "the token in {} would go to {url} in clear: use https:// with --tls-ca, or a tunnel to \
-         http://127.0.0.1",
+        "another coordinator uses the access file {}: stop it, or give this one a file of its own \
+         with --access FILE",
         path.display()
     )]
-    TokenInClear {
-        /// The address.
-        url: String,
-        /// The token's file.
+    InUse {
+        /// The file.
         path: PathBuf,
     },
-    /// A file with a secret or a certificate cannot be used.
-    #[error(transparent)]
-    Credentials(#[from] CredentialError),
-    /// The TLS handshake failed because of a certificate or the protocol.
-    #[error("the coordinator at {url} {fault}")]
+    /// The file cannot be written.
+    #[error("cannot write {}: {reason}", path.display())]
+    Write {
+        /// The file or its folder.
+        path: PathBuf,
+        /// The error of the operating system.
+        reason: io::Error,
+    },
+    /// The certificate or the tokens cannot be made.
+    #[error("cannot make a certificate and tokens: {reason}")]
+    Secrets {
+        /// The error of the random numbers or of the certificate.
+        reason: String,
+    },
+    /// The TLS handshake failed because of the certificate or the protocol.
+    #[error("the coordinator at {address} {fault}")]
     Tls {
-        /// The address.
-        url: String,
+        /// The coordinator's address.
+        address: String,
         /// The fault.
         fault: TlsFault,
     },
     /// No coordinator ever answered.
     #[error(
-        "no coordinator answers at {url} ({reason}): is `coordinator serve` running, and does it \
+        "no coordinator answers at {address} ({reason}): is `coordinator serve` running, and does it \
          listen on that address?"
     )]
     Unreachable {
-        /// The address.
-        url: String,
+        /// The coordinator's address.
+        address: String,
         /// The error of the last attempt.
         reason: String,
     },
     /// The coordinator answered before, but has been away for too long.
-    #[error("the coordinator at {url} has been away for {seconds} s; giving up")]
+    #[error("the coordinator at {address} has been away for {seconds} s; giving up")]
     Away {
-        /// The address.
-        url: String,
+        /// The coordinator's address.
+        address: String,
         /// Time without an answer.
         seconds: u64,
     },
     /// The coordinator refused this program permanently.
-    #[error("the coordinator at {url} refused: {message}")]
+    #[error("the coordinator at {address} refused: {message}")]
     Refused {
-        /// The address.
-        url: String,
+        /// The coordinator's address.
+        address: String,
         /// The kind of refusal.
         refusal: Refusal,
         /// The coordinator's message.
         message: String,
     },
     /// The coordinator's answer violates the protocol.
-    #[error("the coordinator at {url} gave an answer that makes no sense: {reason}")]
-    Nonsense {
-        /// The address.
-        url: String,
+    #[error("the coordinator at {address} sent an invalid answer: {reason}")]
+    InvalidAnswer {
+        /// The coordinator's address.
+        address: String,
         /// The violation.
         reason: String,
     },
     /// The coordinator could not carry out the request.
-    #[error("the coordinator at {url} could not answer: {reason}")]
+    #[error("the coordinator at {address} could not answer: {reason}")]
     Failed {
-        /// The address.
-        url: String,
+        /// The coordinator's address.
+        address: String,
         /// The coordinator's message.
         reason: String,
     },
@@ -145,13 +157,16 @@ impl Error {
                 exit::UNREACHABLE
             }
             Self::Refused { .. } | Self::Tls { .. } => exit::REFUSED,
-            Self::Address { .. }
-            | Self::SeveralCoordinators { .. }
-            | Self::NoAuthority { .. }
-            | Self::NeedlessAuthority { .. }
-            | Self::TokenInClear { .. } => exit::USAGE,
-            Self::Credentials(_) | Self::Access(_) => exit::FILE_ACCESS,
-            Self::Nonsense { .. } | Self::Failed { .. } => exit::FAILURE,
+            Self::SeveralCoordinators { .. } => exit::USAGE,
+            Self::NoFolder
+            | Self::Unreadable { .. }
+            | Self::Exposed { .. }
+            | Self::Malformed { .. }
+            | Self::Write { .. } => exit::FILE_ACCESS,
+            Self::InUse { .. } => exit::CANNOT_LISTEN,
+            Self::Secrets { .. } | Self::InvalidAnswer { .. } | Self::Failed { .. } => {
+                exit::FAILURE
+            }
         }
     }
 }

@@ -3,17 +3,17 @@
 //! The coordinator's side:
 //!
 //! - [`port`] accepts connections and serves the calls; `admission` limits the number of
-//!   connections with and without a token; [`methods`] lists the token that each call requires;
-//! - [`guard`] is the protection of the port, TLS and tokens, from an [access file](access) or from
-//!   files made by [`keygen`].
+//!   connections with and without a token; `methods` lists the token that each call requires;
+//! - [`access::Issuer`] makes the coordinator's certificate and tokens and writes them to its
+//!   access file; [`Guard`] checks callers against them.
 //!
 //! The side of workers and commands:
 //!
-//! - [`client`] reads the command-line options and finds the access file; [`link`] opens
-//!   connections and interprets failed calls; [`Dial`] replaces TCP by another kind of connection,
-//!   and `tls` encrypts it.
+//! - [`client`] has the command-line options and finds the access file, [`access`] reads it;
+//! - [`link`] opens connections and interprets failed calls; [`Dial`] replaces TCP by connections
+//!   within the process.
 //!
-//! Both sides read secrets with [`files`] and compare them with `token`.
+//! Both sides use the TLS of `tls`, the tokens of `token` and the addresses of [`address`].
 
 #![expect(
     clippy::disallowed_methods,
@@ -21,22 +21,24 @@
 )]
 
 pub mod access;
+pub mod address;
 mod admission;
 pub mod client;
 mod dial;
 mod error;
-pub mod files;
-pub mod guard;
-pub mod keygen;
+mod guard;
 pub mod link;
-pub mod methods;
+mod log_limit;
+mod methods;
 pub mod port;
-mod sparing;
+mod secret_file;
 mod tls;
 mod token;
 
+pub use address::Address;
 pub use dial::{Dial, Stream};
 pub use error::Error;
+pub use guard::Guard;
 pub use link::Link;
 pub use tls::TlsFault;
-pub use token::{Role, TOKEN_BYTES, TOKEN_HEADER, Token, TokenError, TokenSet};
+pub use token::Role;

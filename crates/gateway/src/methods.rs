@@ -18,12 +18,12 @@ use tower::{Layer, Service};
 use tracing::warn;
 
 use crate::admission::Peer;
-use crate::sparing::Sparing;
+use crate::log_limit::LogLimit;
 use crate::token::{Role, TOKEN_HEADER, TokenSet};
 
 /// The token that a caller must show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Needs {
+pub(crate) enum Needs {
     /// No token.
     Nothing,
     /// A token of either role.
@@ -34,14 +34,14 @@ pub enum Needs {
 
 /// The rule for one method.
 #[derive(Debug, Clone, Copy)]
-pub struct Rule {
+pub(crate) struct Rule {
     /// `/package.Service/Method`.
-    pub path: &'static str,
+    pub(crate) path: &'static str,
     /// The token that a caller must show.
-    pub needs: Needs,
+    pub(crate) needs: Needs,
     /// Maximum size of a request in bytes. For a stream of requests, the limit applies to their
     /// total.
-    pub limit: usize,
+    pub(crate) limit: usize,
 }
 
 /// A request of numbers and names.
@@ -56,7 +56,7 @@ const fn rule(path: &'static str, needs: Needs, limit: usize) -> Rule {
 }
 
 /// The rules of all methods.
-pub const RULES: [Rule; 13] = {
+pub(crate) const RULES: [Rule; 13] = {
     use Needs::{AnyToken, Nothing, Token};
     use Role::{Client, Worker};
     [
@@ -83,13 +83,13 @@ pub const RULES: [Rule; 13] = {
 
 /// Decides whether one call is allowed and returns the method's rule.
 ///
-/// `header` is the value of [`TOKEN_HEADER`]. Without `tokens`, everybody may call the listed
-/// methods.
+/// `header` is the value of [`TOKEN_HEADER`]. `tokens` is none for a caller within this process, which
+/// may call every method.
 ///
 /// # Errors
 ///
 /// The refusal to send as the answer.
-pub fn decide(
+pub(crate) fn decide(
     path: &str,
     header: Option<&[u8]>,
     tokens: Option<&TokenSet>,
@@ -108,16 +108,12 @@ pub fn decide(
         Needs::Token(role) => Some(role),
     };
     let Some(header) = header else {
-        let whose = wanted.unwrap_or(Role::Client);
-        return Err(Refusal::Unknown.status(format!(
-            "a token is needed: give this coordinator's access file with --access, or --token-file \
-             with its {whose}'s token"
-        )));
+        return Err(Refusal::Unknown
+            .status("a token is needed: give this coordinator's access file with --access"));
     };
     let Some(role) = tokens.role_of(header) else {
         return Err(Refusal::Unknown.status(
-            "the token is not one of this coordinator's: take the access file, or the token file, \
-             that belongs to it",
+            "the token is not one of this coordinator's: take the access file that belongs to it",
         ));
     };
     match wanted {
@@ -133,67 +129,60 @@ pub fn decide(
 
 /// A layer that applies [`decide`] to all services.
 #[derive(Clone)]
-pub struct AccessLayer {
-    tokens: Option<Arc<TokenSet>>,
-    refusals: Arc<Sparing>,
+pub(crate) struct PermissionLayer {
+    tokens: Arc<TokenSet>,
+    refusals: Arc<LogLimit>,
 }
 
-impl fmt::Debug for AccessLayer {
+impl fmt::Debug for PermissionLayer {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("AccessLayer")
+        f.debug_struct("PermissionLayer")
             .field("tokens", &self.tokens)
             .finish_non_exhaustive()
     }
 }
 
-impl AccessLayer {
-    /// Admits callers with one of these tokens, or everybody if there are none.
-    #[must_use]
-    pub fn new(tokens: Option<TokenSet>) -> Self {
+impl PermissionLayer {
+    /// Admits callers within this process and those with one of these tokens.
+    pub(crate) fn new(tokens: TokenSet) -> Self {
         Self {
-            tokens: tokens.map(Arc::new),
-            refusals: Arc::new(Sparing::default()),
+            tokens: Arc::new(tokens),
+            refusals: Arc::new(LogLimit::default()),
         }
     }
 }
 
-impl<S> Layer<S> for AccessLayer {
-    type Service = Access<S>;
+impl<S> Layer<S> for PermissionLayer {
+    type Service = PermissionService<S>;
 
-    fn layer(&self, inner: S) -> Access<S> {
-        Access {
+    fn layer(&self, inner: S) -> PermissionService<S> {
+        PermissionService {
             inner,
             layer: self.clone(),
         }
     }
 }
 
-/// A service behind an [`AccessLayer`].
+/// A service behind an [`PermissionLayer`].
 #[derive(Debug, Clone)]
-pub struct Access<S> {
+pub(crate) struct PermissionService<S> {
     inner: S,
-    layer: AccessLayer,
+    layer: PermissionLayer,
 }
 
-impl<S> Access<S> {
+impl<S> PermissionService<S> {
     fn admit(&self, request: &Request<Body>) -> Result<&'static Rule, Status> {
         let peer = request.extensions().get::<Peer>();
-        if peer.is_some_and(|peer| peer.wants_encryption) {
-            return Err(Refusal::NotEncrypted.status(
-                "this coordinator speaks TLS only: give its access file with --access, or \
-                         connect to https:// with --tls-ca",
-            ));
-        }
         let header = request.headers().get(TOKEN_HEADER);
         let is_local = peer.is_some_and(Peer::is_local);
-        let tokens = self.layer.tokens.as_deref().filter(|_| !is_local);
+        let tokens = (!is_local).then_some(&*self.layer.tokens);
         let rule = decide(
             request.uri().path(),
             header.map(|value| value.as_bytes()),
             tokens,
         )?;
         if let Some(peer) = peer
-            && (tokens.is_none() || rule.needs != Needs::Nothing)
+            && rule.needs != Needs::Nothing
             && !peer.admit()
         {
             return Err(Status::resource_exhausted(
@@ -204,7 +193,7 @@ impl<S> Access<S> {
     }
 }
 
-impl<S> Service<Request<Body>> for Access<S>
+impl<S> Service<Request<Body>> for PermissionService<S>
 where
     S: Service<Request<Body>, Response = Response<Body>>,
     S::Future: Send + 'static,
@@ -235,7 +224,7 @@ where
                 Box::pin(self.inner.call(request))
             }
             Err(status) => {
-                if let Some(more) = self.layer.refusals.may_speak() {
+                if let Some(more) = self.layer.refusals.permit() {
                     let peer = request.extensions().get::<Peer>();
                     let peer = peer
                         .and_then(|peer| peer.address)
@@ -340,7 +329,7 @@ mod tests {
                 rule.path
             );
             assert_eq!(code(Some(b"Basic cGl0Y2g=")), none, "{}", rule.path);
-            assert!(decide(rule.path, None, None).is_ok(), "open is open");
+            assert!(decide(rule.path, None, None).is_ok(), "{}", rule.path);
         }
     }
 
@@ -383,10 +372,11 @@ mod tests {
 
     #[tokio::test]
     async fn a_request_that_is_too_large_for_its_call_is_cut_off() {
-        let mut service = AccessLayer::new(None).layer(Reader);
+        let mut service = PermissionLayer::new(TokenSet::default()).layer(Reader);
         let mut call = |method: &str, bytes: usize| {
             let body = http_body_util::Full::new(vec![0; bytes].into());
             let request = Request::post(format!("/pitchline.v1.Campaign/{method}"))
+                .extension(Peer::local())
                 .body(Body::new(body))
                 .unwrap();
             service.call(request)
@@ -431,7 +421,7 @@ mod tests {
             status.message(),
             "this is a client's token, and Lease takes a worker's"
         );
-        let layer = format!("{:?} {status:?}", AccessLayer::new(Some(tokens())));
+        let layer = format!("{:?} {status:?}", PermissionLayer::new(tokens()));
         for secret in ["0101", "0202"] {
             assert!(!layer.contains(secret), "{layer}");
         }

@@ -33,8 +33,9 @@ use tracing::warn;
 use crate::admission::{ADMITTED, NEWCOMERS, Peer, Places, Probation};
 use crate::dial::{Dial, Stream};
 use crate::guard::Guard;
-use crate::methods::AccessLayer;
-use crate::sparing::Sparing;
+use crate::log_limit::LogLimit;
+use crate::methods::PermissionLayer;
+use crate::token::TokenSet;
 
 /// Time limit for the first byte of a connection.
 const FIRST_BYTE: Duration = Duration::from_secs(2);
@@ -53,24 +54,24 @@ const PREFACE: &[u8; 24] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
 /// The first byte of a TLS handshake (RFC 8446, section 5.1).
 const TLS_HANDSHAKE: u8 = 0x16;
 
-/// The ways into a coordinator.
+/// The sources of a coordinator's connections.
 #[derive(Debug)]
-pub struct Doors {
+pub struct Listeners {
     /// The listening port and its protection; `None` for a coordinator that computes alone.
     pub port: Option<(TcpListener, Guard)>,
-    /// The door for connections within the process.
-    pub local: LocalDoor,
+    /// Connections within the process.
+    pub local: LocalListener,
 }
 
 /// The receiving end of connections made by a [`Dial`] within the process.
 #[derive(Debug)]
-pub struct LocalDoor(mpsc::Receiver<DuplexStream>);
+pub struct LocalListener(mpsc::Receiver<DuplexStream>);
 
-/// Makes a connected pair for connections within the process: a dial and the door it leads to.
+/// Makes a connected pair for connections within the process: a dial and its listener.
 #[must_use]
-pub fn local() -> (Dial, LocalDoor) {
+pub fn local() -> (Dial, LocalListener) {
     let (outside, inside) = mpsc::channel(64);
-    let dial = Dial::new(move |_, _| {
+    let dial = Dial::new(move || {
         let outside = outside.clone();
         async move {
             let (near, far) = tokio::io::duplex(LOCAL_BUFFER);
@@ -79,17 +80,17 @@ pub fn local() -> (Dial, LocalDoor) {
             Ok(near)
         }
     });
-    (dial, LocalDoor(inside))
+    (dial, LocalListener(inside))
 }
 
-/// Serves the campaign, health and reflection services on the `doors` until `hang_up`.
+/// Serves the campaign, health and reflection services on the `listeners` until `hang_up`.
 ///
 /// # Errors
 ///
 /// The server failed.
 pub async fn serve<C: Campaign>(
     campaign: C,
-    doors: Doors,
+    listeners: Listeners,
     hang_up: CancellationToken,
 ) -> anyhow::Result<()> {
     let (health_reporter, health) = tonic_health::server::health_reporter();
@@ -105,35 +106,37 @@ pub async fn serve<C: Campaign>(
     let services = Routes::new(health)
         .add_service(reflection)
         .add_service(campaign);
-    serve_services(services, doors, hang_up).await
+    serve_services(services, listeners, hang_up).await
 }
 
 async fn serve_services(
     services: Routes,
-    doors: Doors,
+    listeners: Listeners,
     hang_up: CancellationToken,
 ) -> anyhow::Result<()> {
     let (through, connections) = mpsc::channel(64);
-    let (port, guard) = doors.port.unzip();
-    let (tls, tokens) = guard.map_or((None, None), |guard| (guard.tls, guard.tokens));
+    let (port, tokens) = match listeners.port {
+        Some((listener, guard)) => (Some((listener, guard.tls)), guard.tokens),
+        None => (None, TokenSet::default()),
+    };
     let server = Server::builder()
         .http2_keepalive_interval(Some(Duration::from_secs(10)))
         .http2_keepalive_timeout(Some(Duration::from_secs(10)))
         .http2_max_header_list_size(Some(HEADERS))
         .max_concurrent_streams(Some(CALLS))
-        .layer(AccessLayer::new(tokens))
+        .layer(PermissionLayer::new(tokens))
         .add_routes(services)
         .serve_with_incoming_shutdown(ReceiverStream::new(connections), hang_up.cancelled_owned());
-    let keep_port = async {
+    let accept_port = async {
         match port {
-            Some(listener) => keep_port(listener, tls, through.clone()).await,
+            Some((listener, tls)) => accept_port(listener, tls, through.clone()).await,
             None => std::future::pending().await,
         }
     };
     tokio::select! {
         served = server => served.context("the server"),
-        never = keep_port => match never {},
-        never = keep_local_door(doors.local, through.clone()) => match never {},
+        never = accept_port => match never {},
+        never = accept_local(listeners.local, through.clone()) => match never {},
     }
 }
 
@@ -152,11 +155,11 @@ fn allow_many_files() {
 }
 
 /// Passes connections from within the process to the server.
-async fn keep_local_door(
-    mut door: LocalDoor,
+async fn accept_local(
+    mut listener: LocalListener,
     through: mpsc::Sender<io::Result<Connection>>,
 ) -> Infallible {
-    while let Some(stream) = door.0.recv().await {
+    while let Some(stream) = listener.0.recv().await {
         // Sending fails only when the server is about to end.
         let _ = through.send(Ok(Connection::local(stream))).await;
     }
@@ -164,14 +167,14 @@ async fn keep_local_door(
 }
 
 /// Accepts connections and passes those that complete the opening to the server.
-async fn keep_port(
+async fn accept_port(
     listener: TcpListener,
-    tls: Option<TlsAcceptor>,
+    tls: TlsAcceptor,
     through: mpsc::Sender<io::Result<Connection>>,
 ) -> Infallible {
     allow_many_files();
     let places = Places::new(NEWCOMERS, ADMITTED);
-    let failures = Arc::new(Sparing::default());
+    let failures = Arc::new(LogLimit::default());
     // Connections that are being opened are dropped together with this task.
     let mut opening = JoinSet::new();
     loop {
@@ -179,7 +182,7 @@ async fn keep_port(
         let (stream, address) = match listener.accept().await {
             Ok(accepted) => accepted,
             Err(error) => {
-                if let Some(more) = failures.may_speak() {
+                if let Some(more) = failures.permit() {
                     warn!(%error, more, "cannot accept a connection");
                 }
                 // Most likely there are no file descriptors left: closing the oldest newcomer frees
@@ -199,16 +202,16 @@ async fn keep_port(
                 }
             };
             match greeted {
-                Ok((stream, wants_encryption)) => {
+                Ok(stream) => {
                     let probation = newcomer.probation();
-                    let peer = Peer::new(address, wants_encryption, newcomer);
+                    let peer = Peer::new(address, newcomer);
                     // Sending fails only when the server is about to end.
                     let _ = through
                         .send(Ok(Connection::new(stream, peer, probation)))
                         .await;
                 }
                 Err(reason) => {
-                    if let Some(more) = failures.may_speak() {
+                    if let Some(more) = failures.permit() {
                         warn!(peer = %address, %reason, more, "dropped a connection");
                     }
                 }
@@ -221,34 +224,23 @@ fn too_slow() -> io::Error {
     io::Error::new(io::ErrorKind::TimedOut, "says nothing")
 }
 
-/// Detects the protocol that a caller uses. Returns the connection after the opening bytes of
-/// HTTP/2, and whether it is unencrypted although the port requires encryption: such a caller is
-/// let through only to receive a gRPC refusal.
-async fn greet(stream: TcpStream, tls: Option<TlsAcceptor>) -> io::Result<(Box<dyn Stream>, bool)> {
+/// Completes the TLS handshake and reads the opening bytes of HTTP/2.
+async fn greet(stream: TcpStream, tls: TlsAcceptor) -> io::Result<Box<dyn Stream>> {
     stream.set_nodelay(true)?;
     let mut first = [0];
     let begun = tokio::time::timeout(FIRST_BYTE, stream.peek(&mut first)).await;
     if begun.map_err(|_| too_slow())?? == 0 {
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
-    match tls {
-        Some(acceptor) if first[0] == TLS_HANDSHAKE => {
-            match acceptor.accept(stream).into_fallible().await {
-                Ok(stream) => Ok((expect_preface(Box::new(stream)).await?, false)),
-                Err((error, stream)) => {
-                    linger(stream).await;
-                    Err(error)
-                }
-            }
+    if first[0] != TLS_HANDSHAKE {
+        return turn_away(stream, "this port speaks gRPC over TLS 1.3").await;
+    }
+    match tls.accept(stream).into_fallible().await {
+        Ok(stream) => expect_preface(Box::new(stream)).await,
+        Err((error, stream)) => {
+            linger(stream).await;
+            Err(error)
         }
-        None if first[0] == TLS_HANDSHAKE => {
-            turn_away(
-                stream,
-                "this port is not encrypted: use http://, not https://",
-            )
-            .await
-        }
-        tls => Ok((expect_preface(Box::new(stream)).await?, tls.is_some())),
     }
 }
 

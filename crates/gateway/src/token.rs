@@ -1,19 +1,19 @@
-//! The secrets that protect a coordinator: their text and the role that each grants.
+//! The tokens that protect a coordinator, and the role that each grants.
 //!
 //! A token is `pitchline-worker-` or `pitchline-client-` followed by 64 hexadecimal digits, that is
-//! 256 random bits. A token file holds one per line; blank lines and lines that begin with `#` are
-//! ignored. A caller sends its token as `authorization: Bearer TOKEN`.
+//! 256 random bits. A caller sends its token as `authorization: Bearer TOKEN`.
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
 use subtle::{Choice, ConstantTimeEq as _};
 use tonic::metadata::{Ascii, MetadataValue};
 
 /// Number of random bytes in a token.
-pub const TOKEN_BYTES: usize = 32;
+pub(crate) const TOKEN_BYTES: usize = 32;
 
 /// The header that carries a token.
-pub const TOKEN_HEADER: &str = "authorization";
+pub(crate) const TOKEN_HEADER: &str = "authorization";
 
 const SCHEME: &str = "Bearer ";
 
@@ -47,8 +47,9 @@ impl fmt::Display for Role {
 }
 
 /// A secret. `Debug` prints only its role; [`Token::reveal`] returns its text.
-#[derive(Clone)]
-pub struct Token {
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub(crate) struct Token {
     role: Role,
     text: String,
 }
@@ -59,77 +60,33 @@ impl fmt::Debug for Token {
     }
 }
 
-/// The errors of a token file. They name lines, never their contents.
+/// The error of a text that is not a token. It does not repeat the text.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum TokenError {
-    /// A line that is neither a token nor a comment.
-    #[error("line {line} is no token")]
-    Malformed {
-        /// The line, from 1.
-        line: usize,
-    },
-    /// There is no token.
-    #[error("there is no token in it")]
-    Empty,
-}
+#[error("not a valid token")]
+pub(crate) struct InvalidToken;
 
 impl Token {
     /// Makes a token from random bytes.
-    #[must_use]
-    pub fn new(role: Role, random: [u8; TOKEN_BYTES]) -> Self {
+    pub(crate) fn new(role: Role, random: [u8; TOKEN_BYTES]) -> Self {
         let digits = random.iter().map(|byte| format!("{byte:02x}"));
         let text = role.prefix().to_owned() + &digits.collect::<String>();
         Self { role, text }
     }
 
-    /// Parses a token file, in the order of its lines.
-    ///
-    /// # Errors
-    ///
-    /// A line is not a token, or the file holds none.
-    pub fn parse_file(content: &str) -> Result<Vec<Self>, TokenError> {
-        let mut tokens = Vec::new();
-        for (index, line) in content.lines().enumerate() {
-            let line = line.trim();
-            if !line.is_empty() && !line.starts_with('#') {
-                let malformed = TokenError::Malformed { line: index + 1 };
-                tokens.push(Self::parse(line).ok_or(malformed)?);
-            }
-        }
-        if tokens.is_empty() {
-            return Err(TokenError::Empty);
-        }
-        Ok(tokens)
-    }
-
-    /// Parses a token; `None` if the text is not one.
-    pub(crate) fn parse(text: &str) -> Option<Self> {
-        let (role, digits) = Role::ALL
-            .into_iter()
-            .find_map(|role| Some((role, text.strip_prefix(role.prefix())?)))?;
-        let hexadecimal = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
-        (digits.len() == 2 * TOKEN_BYTES && digits.bytes().all(hexadecimal)).then(|| Self {
-            role,
-            text: text.to_owned(),
-        })
-    }
-
     /// The role that the token grants.
-    #[must_use]
-    pub const fn role(&self) -> Role {
+    pub(crate) const fn role(&self) -> Role {
         self.role
     }
 
-    /// The text of the secret, to be written to its file.
-    #[must_use]
-    pub fn reveal(&self) -> &str {
+    /// The text of the secret.
+    #[cfg(test)]
+    pub(crate) fn reveal(&self) -> &str {
         &self.text
     }
 
     /// The value of [`TOKEN_HEADER`], marked as sensitive so that it is neither printed nor
     /// compressed.
-    #[must_use]
-    pub fn header(&self) -> MetadataValue<Ascii> {
+    pub(crate) fn header(&self) -> MetadataValue<Ascii> {
         let mut value: MetadataValue<Ascii> = format!("{SCHEME}{}", self.text)
             .parse()
             .expect("a token is letters, digits and hyphens");
@@ -138,32 +95,45 @@ impl Token {
     }
 }
 
-/// The tokens that a coordinator accepts. A role may have several, so that a token can be replaced
-/// while the old one is in use.
-#[derive(Debug, Clone)]
-pub struct TokenSet {
+impl TryFrom<String> for Token {
+    type Error = InvalidToken;
+
+    fn try_from(text: String) -> Result<Self, InvalidToken> {
+        let (role, digits) = Role::ALL
+            .into_iter()
+            .find_map(|role| Some((role, text.strip_prefix(role.prefix())?)))
+            .ok_or(InvalidToken)?;
+        let hexadecimal = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
+        if digits.len() == 2 * TOKEN_BYTES && digits.bytes().all(hexadecimal) {
+            Ok(Self { role, text })
+        } else {
+            Err(InvalidToken)
+        }
+    }
+}
+
+impl From<Token> for String {
+    fn from(token: Token) -> Self {
+        token.text
+    }
+}
+
+/// The tokens that a coordinator accepts; empty if it has no port.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct TokenSet {
     tokens: Vec<Token>,
 }
 
 impl TokenSet {
-    /// Makes a set of these tokens.
-    #[must_use]
-    pub const fn new(tokens: Vec<Token>) -> Self {
+    pub(crate) const fn new(tokens: Vec<Token>) -> Self {
         Self { tokens }
-    }
-
-    /// Whether a token grants this role.
-    #[must_use]
-    pub fn has(&self, role: Role) -> bool {
-        self.tokens.iter().any(|token| token.role == role)
     }
 
     /// The role that the value of [`TOKEN_HEADER`] grants; `None` if it is not a token of this set.
     ///
     /// The time taken does not depend on how much of the value is right: it is compared with every
     /// token, and every byte of each.
-    #[must_use]
-    pub fn role_of(&self, header: &[u8]) -> Option<Role> {
+    pub(crate) fn role_of(&self, header: &[u8]) -> Option<Role> {
         let presented = header.strip_prefix(SCHEME.as_bytes())?;
         let mut role = None;
         for token in &self.tokens {
@@ -188,41 +158,33 @@ mod tests {
     }
 
     #[test]
-    fn a_token_survives_its_file_and_its_header() {
+    fn a_token_survives_its_text_and_its_header() {
         for role in Role::ALL {
             let random = std::array::from_fn(|index| index as u8);
             let token = Token::new(role, random);
-            let file = format!("# keep secret\n\n  {}  \n", token.reveal());
-            let read = Token::parse_file(&file).unwrap();
-            assert_eq!(read.len(), 1);
-            assert_eq!(read[0].role(), role);
-            assert_eq!(read[0].reveal(), token.reveal());
-            assert!(token.reveal().ends_with("1c1d1e1f"));
+            let read = Token::try_from(token.reveal().to_owned()).unwrap();
+            assert_eq!(read, token);
+            assert_eq!(read.role(), role);
+            assert!(read.reveal().ends_with("1c1d1e1f"));
             assert_eq!(
-                TokenSet::new(read).role_of(token.header().as_bytes()),
+                TokenSet::new(vec![read]).role_of(token.header().as_bytes()),
                 Some(role)
             );
         }
     }
 
     #[test]
-    fn what_is_no_token_is_refused_by_its_line_and_not_repeated() {
-        let short = "pitchline-worker-abcd";
-        let error = Token::parse_file(&format!("# a comment\n{short}\n")).unwrap_err();
-        assert_eq!(error, TokenError::Malformed { line: 2 });
-        assert!(!error.to_string().contains("abcd"));
+    fn other_texts_are_refused() {
         let digits = "0".repeat(2 * TOKEN_BYTES);
         for wrong in [
+            String::new(),
+            "pitchline-worker-abcd".to_owned(),
             format!("pitchline-admin-{digits}"),
             format!("pitchline-worker-{}g", &digits[1..]),
             format!("pitchline-worker-{digits}0"),
             format!("pitchline-worker-{digits} pitchline-worker-{digits}"),
         ] {
-            let refused = Token::parse_file(&wrong).unwrap_err();
-            assert_eq!(refused, TokenError::Malformed { line: 1 }, "{wrong}");
-        }
-        for empty in ["", "\n", "# nothing\n"] {
-            assert_eq!(Token::parse_file(empty).unwrap_err(), TokenError::Empty);
+            assert_eq!(Token::try_from(wrong.clone()), Err(InvalidToken), "{wrong}");
         }
     }
 
@@ -241,7 +203,7 @@ mod tests {
             assert_eq!(set.role_of(&[&good[..], b" "].concat()), None);
         }
         assert_eq!(set.role_of(b"Bearer "), None);
-        assert_eq!(TokenSet::new(Vec::new()).role_of(b"Bearer "), None);
+        assert_eq!(TokenSet::default().role_of(b"Bearer "), None);
     }
 
     #[test]

@@ -18,20 +18,17 @@ pub enum Refusal {
     Unknown,
     /// The call's token is valid, but does not permit this call.
     Forbidden,
-    /// The call came over an unencrypted connection, but the coordinator requires encryption.
-    NotEncrypted,
 }
 
 const HEADER: &str = "pitchline-refusal";
 
 impl Refusal {
-    const ALL: [Self; 6] = [
+    const ALL: [Self; 5] = [
         Self::Version,
         Self::Model,
         Self::Malformed,
         Self::Unknown,
         Self::Forbidden,
-        Self::NotEncrypted,
     ];
 
     const fn name(self) -> &'static str {
@@ -41,7 +38,6 @@ impl Refusal {
             Self::Malformed => "malformed",
             Self::Unknown => "unknown",
             Self::Forbidden => "forbidden",
-            Self::NotEncrypted => "not-encrypted",
         }
     }
 
@@ -49,7 +45,7 @@ impl Refusal {
     #[must_use]
     pub fn status(self, message: impl Into<String>) -> Status {
         let code = match self {
-            Self::Version | Self::Model | Self::NotEncrypted => Code::FailedPrecondition,
+            Self::Version | Self::Model => Code::FailedPrecondition,
             Self::Malformed => Code::InvalidArgument,
             Self::Unknown => Code::Unauthenticated,
             Self::Forbidden => Code::PermissionDenied,

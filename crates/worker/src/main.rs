@@ -5,10 +5,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use gateway::Role;
-use gateway::client::Reach;
-use gateway::files::Credentials;
-use gateway::port::{self, Doors};
+use gateway::client::ConnectArguments;
+use gateway::port::{self, Listeners};
+use gateway::{Link, Role};
 use protocol::exit;
 use shards::Shard;
 use tokio_util::sync::CancellationToken;
@@ -23,7 +22,7 @@ struct Arguments {
     #[arg(long, value_enum, default_value_t)]
     log_format: console::LogFormat,
     #[command(flatten)]
-    reach: Reach,
+    connect: ConnectArguments,
     /// Number of jobs to compute at once [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     slots: Option<u16>,
@@ -103,7 +102,7 @@ fn main() -> ExitCode {
         }
         let patience = options.connect_timeout;
         let link = tokio::select! {
-            link = arguments.reach.link_within(Role::Worker, patience) => link?,
+            link = arguments.connect.link_within(Role::Worker, patience) => link?,
             () = shutdown.cancelled() => return Ok(Summary::default()),
         };
         Ok(Worker::new(link, options).run(shutdown).await?)
@@ -160,19 +159,17 @@ async fn compute_shard(
 ) -> Result<Summary, Failed> {
     let service = shards::Service::new(Shard::read(shard)?, out.to_owned());
     let (dial, local) = port::local();
-    let doors = Doors { port: None, local };
+    let listeners = Listeners { port: None, local };
     tokio::spawn(port::serve(
         service.clone(),
-        doors,
+        listeners,
         CancellationToken::new(),
     ));
-    let none = Credentials::default();
     let options = Options {
         undelivered: None,
         ..options
     };
-    let link = gateway::link::connect(dial, "http://in-process", &none, Role::Worker)?;
-    let worked = Worker::new(link, options).run(shutdown).await;
+    let worked = Worker::new(Link::local(dial), options).run(shutdown).await;
     match service.failed() {
         Some(error) => Err(error.into()),
         None => Ok(worked?),

@@ -161,7 +161,7 @@ impl Worker {
             () = shutdown.cancelled() => return Ok(Summary { leases: 0, finished: false }),
         };
         info!(
-            coordinator = %shared.connection.url(),
+            coordinator = %shared.connection.address(),
             campaign = %registered.problem.campaign().name,
             slots,
             "registered"

@@ -155,7 +155,7 @@ impl Programs {
     ) -> Command {
         let mut command = self.command("worker", folder, "info");
         command.args(["--access", ACCESS, "--connect"]);
-        command.arg(format!("https://{address}"));
+        command.arg(address.to_string());
         command.args(["--slots", "1", "--grace", "2"]);
         command.args(simulator);
         command
@@ -166,7 +166,7 @@ impl Programs {
         let mut command = self.command("coordinator", folder, "off");
         command.args(words);
         command.args(["--access", ACCESS, "--connect"]);
-        command.arg(format!("https://{address}"));
+        command.arg(address.to_string());
         command
     }
 

@@ -39,9 +39,9 @@ use coordinator::recorder::{Recorder, StoreRecorder};
 use coordinator::server::{self, Plan};
 use coordinator::service::Service;
 use coordinator::serving::{Port, Security};
-use gateway::access::Held;
-use gateway::client::Reach;
-use gateway::port::{self, Doors};
+use gateway::access::Issuer;
+use gateway::client::ConnectArguments;
+use gateway::port::{self, Listeners};
 use gateway::{Link, Role};
 use ledger::StreamId;
 use protocol::v1::{Kind, LeaseRequest};
@@ -162,7 +162,7 @@ struct Served {
     store: Store,
     access: String,
     stop: CancellationToken,
-    _held: Held,
+    _issuer: Issuer,
     _folder: tempfile::TempDir,
 }
 
@@ -188,31 +188,31 @@ async fn served(
         model_digest: digest,
     };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await?;
-    let mut held = Held::take(&folder.path().join("load.access"), &campaign.name)?;
-    let access = held.publish(listener.local_addr()?, &[])?;
+    let mut issuer = Issuer::new(&folder.path().join("load.access"), &campaign.name)?;
+    let access = issuer.publish(listener.local_addr()?, &[])?;
     let access = access.display().to_string();
-    let doors = Doors {
-        port: Some((listener, held.guard()?)),
+    let listeners = Listeners {
+        port: Some((listener, issuer.guard()?)),
         local: port::local().1,
     };
     let stop = CancellationToken::new();
-    tokio::spawn(port::serve(service, doors, stop.clone()));
+    tokio::spawn(port::serve(service, listeners, stop.clone()));
     Ok(Served {
         board,
         store,
         access,
         stop,
-        _held: held,
+        _issuer: issuer,
         _folder: folder,
     })
 }
 
 fn link(access: &Path) -> anyhow::Result<Link> {
-    let reach = Reach {
+    let arguments = ConnectArguments {
         access: Some(access.to_owned()),
-        ..Reach::default()
+        ..ConnectArguments::default()
     };
-    Ok(reach.link(Role::Worker)?)
+    Ok(arguments.link(Role::Worker)?)
 }
 
 async fn work(arguments: &[String]) -> anyhow::Result<()> {

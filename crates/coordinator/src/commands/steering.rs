@@ -3,7 +3,7 @@
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
-use gateway::client::Reach;
+use gateway::client::ConnectArguments;
 use gateway::{Link, Role};
 use protocol::exit;
 use protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
@@ -28,7 +28,7 @@ pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
     let mut source = match &arguments.db {
         Some(db) => Source::Store(Store::open_read_only(db).await?),
         None => Source::Coordinator {
-            link: link(&arguments.reach)?,
+            link: link(&arguments.connect)?,
             seen: 0,
         },
     };
@@ -100,13 +100,13 @@ impl Source {
     }
 }
 
-fn link(reach: &Reach) -> Result<Link, gateway::Error> {
-    reach.link(Role::Client)
+fn link(connect: &ConnectArguments) -> Result<Link, gateway::Error> {
+    connect.link(Role::Client)
 }
 
 /// `coordinator explain`.
 pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8> {
-    let link = link(&arguments.reach)?;
+    let link = link(&arguments.connect)?;
     let answer = link.client().explain(ExplainRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?.into_inner();
     let sentences = answer.sentences;
@@ -117,7 +117,7 @@ pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8
 
 /// `coordinator drain`.
 pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
-    let link = link(&arguments.reach)?;
+    let link = link(&arguments.connect)?;
     let request = DrainRequest {
         resume: arguments.resume,
     };
@@ -136,7 +136,7 @@ pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
 
 /// `coordinator retry`.
 pub(super) async fn retry(arguments: &arguments::Retry) -> anyhow::Result<u8> {
-    let link = link(&arguments.reach)?;
+    let link = link(&arguments.connect)?;
     let answer = link.client().retry(RetryRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?;
     let retried = answer.into_inner().retried;

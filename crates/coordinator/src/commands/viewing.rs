@@ -11,14 +11,14 @@ use super::Usage;
 use crate::arguments;
 
 /// Refuses an address that other machines reach: the page is served without encryption or tokens.
-pub(super) fn refuse_open(address: Option<SocketAddr>, is_accepted: bool) -> Result<(), Usage> {
+pub(super) fn refuse_open(address: Option<SocketAddr>) -> Result<(), Usage> {
     match address {
-        Some(address) if !address.ip().is_loopback() && !is_accepted => {
+        Some(address) if !address.ip().is_loopback() => {
             let port = address.port();
             Err(Usage(format!(
                 "--http {address} is reachable by others and has neither encryption nor tokens: give \
                  127.0.0.1:{port}, and look from another machine through a tunnel, as with ssh -L \
-                 {port}:127.0.0.1:{port} HOST; `serve` accepts the risk with --insecure"
+                 {port}:127.0.0.1:{port} HOST"
             )))
         }
         _ => Ok(()),
@@ -27,7 +27,7 @@ pub(super) fn refuse_open(address: Option<SocketAddr>, is_accepted: bool) -> Res
 
 /// `coordinator view`.
 pub(super) async fn view(arguments: arguments::View) -> anyhow::Result<u8> {
-    refuse_open(arguments.http, false)?;
+    refuse_open(arguments.http)?;
     let store = Store::open_read_only(&arguments.db).await?;
     let anywhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let listener = listen("--http", arguments.http.unwrap_or(anywhere)).await?;

@@ -98,8 +98,8 @@ pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Resul
             _ => {}
         }
         for lease in response.leases {
-            let units = lease.units().map_err(|why| gateway::Error::Nonsense {
-                url: shared.connection.url(),
+            let units = lease.units().map_err(|why| gateway::Error::InvalidAnswer {
+                address: shared.connection.address(),
                 reason: format!("a lease {why}"),
             })?;
             let lease = Arc::new(Lease {

@@ -65,17 +65,17 @@ impl Shared {
             if away > SILENCE && !has_complained {
                 has_complained = true;
                 let leaving_in = limit.saturating_sub(waited).as_secs();
-                let url = self.connection.url();
+                let address = self.connection.address();
                 if computing > 0 {
-                    warn!(%url, computing, leaving_in, "the coordinator does not answer; what is being \
+                    warn!(%address, computing, leaving_in, "the coordinator does not answer; what is being \
                         computed is finished before the time to leave begins");
                 } else {
-                    warn!(%url, leaving_in, "the coordinator does not answer");
+                    warn!(%address, leaving_in, "the coordinator does not answer");
                 }
             }
             if waited > limit {
                 return gateway::Error::Away {
-                    url: self.connection.url(),
+                    address: self.connection.address(),
                     seconds: limit.as_secs(),
                 }
                 .into();

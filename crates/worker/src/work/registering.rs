@@ -34,7 +34,7 @@ impl Shared {
         let mut since = Instant::now();
         let mut has_complained = false;
         let mut backoff = Backoff::new();
-        let url = self.connection.url();
+        let address = self.connection.address();
         loop {
             // The digest depends on the campaign, which only the coordinator knows: the first call
             // asks for the campaign, the second one brings the digest.
@@ -112,10 +112,10 @@ impl Shared {
             if first && since.elapsed() > SILENCE && !has_complained {
                 has_complained = true;
                 let leaving_in = patience.saturating_sub(since.elapsed()).as_secs();
-                warn!(%url, leaving_in, "the coordinator does not answer");
+                warn!(%address, leaving_in, "the coordinator does not answer");
             }
             if first && since.elapsed() > patience {
-                return Err(gateway::Error::Unreachable { url, reason }.into());
+                return Err(gateway::Error::Unreachable { address, reason }.into());
             }
             backoff.pause().await;
         }
@@ -124,8 +124,8 @@ impl Shared {
     /// Returns the problem of a new campaign, its simulator and the digest of its model.
     async fn learn(&self, campaign_json: &str) -> Result<(Problem, Arc<Backend>, String), Error> {
         let campaign =
-            Campaign::from_json(campaign_json).map_err(|error| gateway::Error::Nonsense {
-                url: self.connection.url(),
+            Campaign::from_json(campaign_json).map_err(|error| gateway::Error::InvalidAnswer {
+                address: self.connection.address(),
                 reason: error.to_string(),
             })?;
         let problem = Problem::new(campaign);
@@ -159,7 +159,7 @@ impl Shared {
             .registered()
             .is_some_and(|registered| registered.epoch == epoch)
         {
-            info!(coordinator = %self.connection.url(), "registering again");
+            info!(coordinator = %self.connection.address(), "registering again");
             self.register(false).await?;
         }
         Ok(())

@@ -15,7 +15,7 @@ use coordinator::compute::thread_seconds;
 use coordinator::local::LocalWorkers;
 use coordinator::recorder::StoreRecorder;
 use coordinator::service::Service;
-use gateway::port::{self, Doors};
+use gateway::port::{self, Listeners};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
 use results::optima::Optima;
@@ -268,8 +268,8 @@ async fn through(
     };
     let (dial, local) = port::local();
     let stop = CancellationToken::new();
-    let doors = Doors { port: None, local };
-    let served = tokio::spawn(port::serve(service, doors, stop.clone()));
+    let listeners = Listeners { port: None, local };
+    let served = tokio::spawn(port::serve(service, listeners, stop.clone()));
     let inputs = Inputs::new(campaign, None);
     let wanted = (0..).zip(points).map(|(design, x)| {
         let source = Source::Design(problem.design(x, problem.base()));
@@ -280,7 +280,7 @@ async fn through(
         count: workers,
         exec,
     };
-    let mut workers = workers.start(&dial, &stop)?;
+    let mut workers = workers.start(&dial, &stop);
     // Nothing is wanted yet: the workers register and start their programs before the clock starts.
     board.open();
     while board.live().workers.len() < workers.len() {
