@@ -85,9 +85,20 @@ fn contradictions(manifests: &str, readme: &str) -> Vec<String> {
     }
     let mounted = words_after(manifests, "- { name: ");
     for volume in words_after(manifests, "        - name: ") {
-        let is_container = ["keys", "coordinator", "worker"].contains(&volume);
+        let is_container = ["copy", "coordinator", "worker"].contains(&volume);
         if !is_container && !mounted.contains(&volume) {
             wrong.push(format!("volume {volume} is not mounted"));
+        }
+    }
+    let folders = words_after(manifests, "mountPath: ");
+    for file in words_after(manifests, "- --access=") {
+        let (folder, _) = file.rsplit_once('/').unwrap_or_default();
+        if !folders.contains(&folder) {
+            wrong.push(format!("{file} is in no mounted folder"));
+        }
+        // Kubernetes would let the group read all files of a volume at every start.
+        if folder == "/data" && !manifests.contains("fsGroupChangePolicy: OnRootMismatch") {
+            wrong.push(format!("{file} is exposed"));
         }
     }
     let (parallelism, completions) = (
@@ -114,8 +125,13 @@ fn manifests_do_not_contradict_each_other() {
     for (from, to) in [
         ("image: pitchline:0.1.0", "image: pitchline:0.2.0"),
         (
-            "secretName: pitchline-worker",
-            "secretName: pitchline-workers",
+            "secretName: pitchline-access",
+            "secretName: pitchline-accesses",
+        ),
+        ("--access=/access/", "--access=/secret/keys/"),
+        (
+            "fsGroupChangePolicy: OnRootMismatch",
+            "fsGroupChangePolicy: Always",
         ),
         ("completions: 4", "completions: 5"),
         (

@@ -166,7 +166,7 @@ async fn anyone_with_the_access_file_learns_what_can_be_asked() {
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(60, 6));
     let _coordinator = place.serve(&["--access", "c.access"]);
-    sandbox.wait_for(DB, "a store", |_| true);
+    let _ = sandbox.wait_for_file("c.access");
     let arguments = ConnectArguments {
         access: Some(sandbox.path("c.access")),
         connect: None,

@@ -37,8 +37,7 @@ impl Guarded {
         let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
         let options = ["--listen", &address, "--access", FILE, "--keep-serving"];
         let coordinator = sandbox.start("coordinator", &[&serve[..], &options].concat());
-        // The port opens and the access file is written before the store exists.
-        sandbox.wait_for("c.db", "the store", |_| true);
+        let _ = sandbox.wait_for_file(FILE);
         Self {
             sandbox,
             coordinator,
@@ -364,14 +363,7 @@ fn no_log_is_so_chatty_that_it_tells_a_secret() {
     let serve = [&serve[..], &["--listen", "127.0.0.1:0"]].concat();
     let log = fs::File::create(sandbox.path("coordinator.log")).unwrap();
     let mut coordinator = chatty("coordinator", &serve).stderr(log).spawn().unwrap();
-    let since = Instant::now();
-    let access = loop {
-        match fs::read_to_string(sandbox.path("c.access")) {
-            Ok(text) => break text,
-            Err(_) => std::thread::sleep(Duration::from_millis(20)),
-        }
-        assert!(since.elapsed() < BOUNDED, "no access file is written");
-    };
+    let access = sandbox.wait_for_file("c.access");
     let key = fs::read_to_string(sandbox.path("c.access.key")).unwrap();
     // A copy without the worker's token is refused; the whole file works for all programs.
     let lines = access.lines().filter(|l| !l.starts_with("worker_token"));

@@ -347,6 +347,23 @@ impl Sandbox {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
+
+    /// Waits until a file exists, and returns its text.
+    ///
+    /// # Panics
+    ///
+    /// The file does not appear in time.
+    #[must_use]
+    pub fn wait_for_file(&self, name: &str) -> String {
+        let since = Instant::now();
+        loop {
+            if let Ok(text) = std::fs::read_to_string(self.path(name)) {
+                return text;
+            }
+            assert!(since.elapsed() < PATIENCE, "waiting in vain for {name}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
 }
 
 /// A started program.

@@ -58,7 +58,7 @@ impl Places {
     pub(crate) fn arrive(self: &Arc<Self>) -> Newcomer {
         let mut newcomers = self.lock();
         if newcomers.waiting.len() >= self.most_newcomers {
-            newcomers.turn_out_oldest();
+            newcomers.close_oldest();
         }
         newcomers.arrived += 1;
         let number = newcomers.arrived;
@@ -72,13 +72,13 @@ impl Places {
     }
 
     /// Closes the oldest newcomer, for example when the process has run out of file descriptors.
-    pub(crate) fn turn_out_oldest(&self) {
-        self.lock().turn_out_oldest();
+    pub(crate) fn close_oldest(&self) {
+        self.lock().close_oldest();
     }
 }
 
 impl Newcomers {
-    fn turn_out_oldest(&mut self) {
+    fn close_oldest(&mut self) {
         if let Some((_, lost)) = self.waiting.pop_first() {
             lost.cancel();
         }

@@ -38,7 +38,7 @@ pub enum Error {
     },
     /// Others can read the file.
     #[error(
-        "{} can be read by others (its mode is {mode:03o}), so it is no secret: chmod 600 {}",
+        "{} can be read by others (its mode is {mode:03o}): chmod 600 {}",
         path.display(), path.display()
     )]
     Exposed {

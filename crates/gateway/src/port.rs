@@ -40,7 +40,7 @@ use crate::token::TokenSet;
 /// Time limit for the first byte of a connection.
 const FIRST_BYTE: Duration = Duration::from_secs(2);
 /// Time limit for the TLS handshake and the opening bytes of HTTP/2.
-const GREETING: Duration = Duration::from_secs(10);
+const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 /// Maximum number of open calls on a connection. A worker has four, but a load generator may act
 /// for a thousand workers.
 const CALLS: u32 = 2048;
@@ -187,7 +187,7 @@ async fn accept_port(
                 }
                 // Most likely there are no file descriptors left: closing the oldest newcomer frees
                 // one.
-                places.turn_out_oldest();
+                places.close_oldest();
                 tokio::time::sleep(Duration::from_millis(5)).await;
                 continue;
             }
@@ -195,13 +195,13 @@ async fn accept_port(
         let newcomer = places.arrive();
         let (tls, through, failures) = (tls.clone(), through.clone(), Arc::clone(&failures));
         opening.spawn(async move {
-            let greeted = tokio::select! {
+            let opened = tokio::select! {
                 () = newcomer.lost() => Err(io::Error::other("others wait for its place")),
-                greeted = tokio::time::timeout(GREETING, greet(stream, tls)) => {
-                    greeted.unwrap_or_else(|_| Err(too_slow()))
+                opened = tokio::time::timeout(HANDSHAKE_LIMIT, open(stream, tls)) => {
+                    opened.unwrap_or_else(|_| Err(too_slow()))
                 }
             };
-            match greeted {
+            match opened {
                 Ok(stream) => {
                     let probation = newcomer.probation();
                     let peer = Peer::new(address, newcomer);
@@ -225,7 +225,7 @@ fn too_slow() -> io::Error {
 }
 
 /// Completes the TLS handshake and reads the opening bytes of HTTP/2.
-async fn greet(stream: TcpStream, tls: TlsAcceptor) -> io::Result<Box<dyn Stream>> {
+async fn open(stream: TcpStream, tls: TlsAcceptor) -> io::Result<Box<dyn Stream>> {
     stream.set_nodelay(true)?;
     let mut first = [0];
     let begun = tokio::time::timeout(FIRST_BYTE, stream.peek(&mut first)).await;
@@ -233,7 +233,7 @@ async fn greet(stream: TcpStream, tls: TlsAcceptor) -> io::Result<Box<dyn Stream
         return Err(io::ErrorKind::UnexpectedEof.into());
     }
     if first[0] != TLS_HANDSHAKE {
-        return turn_away(stream, "this port speaks gRPC over TLS 1.3").await;
+        return refuse(stream, "this port speaks gRPC over TLS 1.3").await;
     }
     match tls.accept(stream).into_fallible().await {
         Ok(stream) => expect_preface(Box::new(stream)).await,
@@ -255,14 +255,14 @@ async fn expect_preface(mut stream: Box<dyn Stream>) -> io::Result<Box<dyn Strea
         }
         if !PREFACE.starts_with(&read[..length]) {
             let why = "this port speaks gRPC over HTTP/2";
-            return turn_away(stream, why).await;
+            return refuse(stream, why).await;
         }
     }
     Ok(stream)
 }
 
 /// Refuses a caller with an explanation in HTTP/1.1, which common tools understand.
-async fn turn_away<T>(mut stream: impl Stream, why: &'static str) -> io::Result<T> {
+async fn refuse<T>(mut stream: impl Stream, why: &'static str) -> io::Result<T> {
     let answer = format!(
         "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nContent-Length: {}\r\n\
          Connection: close\r\n\r\n{why}\n",

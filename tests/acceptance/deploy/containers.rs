@@ -1,6 +1,7 @@
 //! The image and the cluster under `deploy/docker`, with Debian's own Docker.
 
-use std::os::unix::fs::MetadataExt as _;
+use std::fs::Permissions;
+use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
@@ -101,6 +102,38 @@ fn strip_into(from: &Path, to: &Path) -> u64 {
     sizes.iter().sum()
 }
 
+/// Starts a worker as `deploy/kubernetes/workers.yaml` does: a mounted secret belongs to root, and the
+/// pod's group can read it.
+fn a_copied_secret_is_the_workers_alone(sandbox: &Sandbox, engine: &Engine<'_>) {
+    let file = sandbox.campaign("secret.toml", &[]);
+    let serve = ["serve", file.to_str().unwrap(), "--db", "secret.db"];
+    let options = ["--listen", "127.0.0.1:0", "--access", "secret.access"];
+    let coordinator = sandbox.start("coordinator", &[&serve[..], &options].concat());
+    let secret = sandbox.path("secret/campaign.access");
+    std::fs::create_dir(sandbox.path("secret")).unwrap();
+    std::fs::write(&secret, sandbox.wait_for_file("secret.access")).unwrap();
+    std::os::unix::fs::chown(&secret, Some(0), Some(1000)).unwrap();
+    std::fs::set_permissions(&secret, Permissions::from_mode(0o440)).unwrap();
+
+    let manifest = std::fs::read_to_string(root().join("deploy/kubernetes/workers.yaml")).unwrap();
+    let (_, copy) = manifest.split_once("command: [sh, -c, \"").unwrap();
+    let (copy, _) = copy.split_once('"').unwrap();
+    let volume = format!("{}:/secret:ro", sandbox.path("secret").display());
+    let access = "--tmpfs=/access:uid=0,gid=1000,mode=2770";
+    let image = ["docker", "run", "--rm", access, "--volume", &volume];
+    for (file, code) in [
+        ("/access/campaign.access", 11),
+        ("/secret/campaign.access", 4),
+    ] {
+        // No coordinator answers in a container.
+        let worker = format!("worker --access={file} --connect=127.0.0.1:1 --connect-timeout=0");
+        let command = format!("{copy} && {worker}");
+        let shell = ["pitchline:0.1.0", "sh", "-c", &command];
+        assert_code(&engine.attempt(&[&image[..], &shell].concat()), code);
+    }
+    coordinator.kill();
+}
+
 #[test]
 fn containers_with_two_workers_give_the_samples_of_a_local_run() {
     let sandbox = Sandbox::new();
@@ -134,6 +167,8 @@ fn containers_with_two_workers_give_the_samples_of_a_local_run() {
     if !cfg!(debug_assertions) {
         assert!(size < LARGEST, "the image has {size} bytes");
     }
+
+    a_copied_secret_is_the_workers_alone(&sandbox, &engine);
 
     // Docker restarts a coordinator that is killed. No worker runs yet, so the campaign cannot end before the
     // kill. Workers that survive such a restart are tested in `fail_points.rs`.
