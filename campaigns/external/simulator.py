@@ -157,7 +157,7 @@ class Simulator:
         if kind == "describe":
             self.campaign, self.teeth = request["campaign"], request["teeth"]
             if "max_depth_um" not in self.campaign["wear"]:
-                return {"error": "wear.law must be \"archard\": this model knows no other"}
+                return {"error": "wear.max_depth_um must be given: this model knows no other law"}
             if "manufacture" in self.campaign:
                 return {"error": "[manufacture] must be absent: this model knows no slope deviations"}
             return {"protocol": PROTOCOL, "version": VERSION}

@@ -13,7 +13,9 @@ use std::fmt;
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use crate::file::{Campaign, ControlVariate, FileError, PercentileRule, Source, WearCoefficients};
+use crate::file::{
+    Campaign, ControlVariate, FileError, Form, PercentileRule, Sampling, Source, WearCoefficients,
+};
 use crate::formulation::Problem;
 
 /// The simulator's table of `tradeoff`, measured in full with the paper's campaign.
@@ -132,21 +134,39 @@ const PILOT_SAMPLES: u64 = 30;
 /// Random designs that are tried for them.
 const TRIED: u64 = 2000;
 
-impl Campaign {
-    /// Parses and validates `text`; `file` names it in errors. A tolerance is settled: the campaign has the
-    /// grid, samples and estimator that it chooses.
+/// A campaign file with its tolerance, if it has one, replaced by what that chooses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CampaignFile {
+    /// The campaign, with the grid, samples and estimator that a tolerance chooses.
+    pub campaign: Campaign,
+    /// The text that [`Campaign::parse`] reads as this campaign: the user's, unless it has a tolerance.
+    pub text: String,
+    /// What the tolerance chooses.
+    pub choice: Option<Choice>,
+}
+
+impl CampaignFile {
+    /// Parses and validates `text`; `file` names it in errors. A tolerance takes simulations of random designs.
     ///
     /// # Errors
     ///
-    /// What is wrong, on which line, and what would be right.
+    /// The error names the line, the fault and the valid values.
+    ///
+    /// # Panics
+    ///
+    /// Never: a campaign is plain numbers and names, which TOML can hold.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
         let source = Source { file, text };
-        let mut this = Self::as_written(source)?;
-        if this.tolerance_um().is_none() {
-            this.validate(source)?;
-            return Ok(this);
-        }
-        source.leaves_to("accuracy", &["cells", "phases"], "accuracy.tolerance_um")?;
+        let form = Form::parse(source)?;
+        let Some(tolerance_um) = form.tolerance_um() else {
+            return Ok(Self {
+                campaign: Campaign::parse(file, text)?,
+                text: text.to_owned(),
+                choice: None,
+            });
+        };
+        let key = "accuracy.tolerance_um";
+        source.leaves_to("accuracy", &["cells", "phases"], key)?;
         source.leaves_to(
             "sampling",
             &[
@@ -161,47 +181,48 @@ impl Campaign {
             ],
             "accuracy.tolerance_um, which chooses the estimator of the 90 % percentile",
         )?;
+        source.positive(key, tolerance_um)?;
+        let mut campaign = Campaign::from(form);
         // Something valid, until the choice is made.
-        this.sampling.samples_per_design = 30;
-        this.validate(source)?;
-        let choice = choice(&this).map_err(|why| {
-            source.refuse(
-                "accuracy.tolerance_um",
-                format_args!("{}", this.tolerance_um().unwrap_or_default()),
-                why,
-            )
-        })?;
-        let Some(choice) = choice else {
-            return Ok(this);
+        campaign.sampling.samples_per_design = 30;
+        campaign.validate(source)?;
+        let choice = choice(&campaign, tolerance_um)
+            .map_err(|expected| source.refuse(key, tolerance_um, expected))?;
+        let Estimator {
+            percentile,
+            control,
+            coefficients,
+            ..
+        } = choice.estimator;
+        campaign.sampling = Sampling {
+            samples_per_design: choice.samples,
+            percentile: Some(percentile),
+            control,
+            coefficients,
+            ..campaign.sampling
         };
-        this.sampling.samples_per_design = choice.samples;
-        this.sampling.percentile = Some(choice.estimator.percentile);
-        this.sampling.control = choice.estimator.control;
-        this.sampling.coefficients = choice.estimator.coefficients;
-        if let Some(accuracy) = this.gears_mut().and_then(|gears| gears.accuracy.as_mut()) {
-            let [cells, phases] = choice.grid;
-            (accuracy.cells, accuracy.phases) = (Some(cells), Some(phases));
+        if let Some(gears) = campaign.gears_mut() {
+            let [cells, phases] = choice.grid.map(|count| count as usize);
+            gears.grid = gear::Discretisation { cells, phases };
         }
-        this.validate(source)?;
-        Ok(this)
-    }
-
-    fn tolerance_um(&self) -> Option<f64> {
-        self.gears()?.accuracy?.tolerance_um
+        campaign.validate(source)?;
+        let written = toml::to_string(&campaign).expect("plain numbers and names serialise");
+        Ok(Self {
+            campaign,
+            text: format!("# {choice}\n\n{written}"),
+            choice: Some(choice),
+        })
     }
 }
 
-/// What the campaign's tolerance chooses; none without one.
+/// The settings that a tolerance chooses for a campaign.
 ///
 /// # Errors
 ///
-/// What tolerance would be right, in words.
-pub fn choice(campaign: &Campaign) -> Result<Option<Choice>, String> {
-    let Some(tolerance_um) = campaign.tolerance_um() else {
-        return Ok(None);
-    };
+/// The tolerances that would be valid, in words.
+fn choice(campaign: &Campaign, tolerance_um: f64) -> Result<Choice, String> {
     let Some(sections) = campaign.gears() else {
-        return Ok(None);
+        return Err("absent: only gear pairs have the tables of errors".to_owned());
     };
     let pilot_um = pilot(campaign).ok_or(
         "left out: no design of [bounds] could be simulated, so the size of ΔSTE is unknown",
@@ -209,7 +230,7 @@ pub fn choice(campaign: &Campaign) -> Result<Option<Choice>, String> {
     let [mean, sd] = pilot_um;
     let mut best: Option<Choice> = None;
     let mut least = f64::INFINITY;
-    for grid in grids(&sections.pair.tooth_model) {
+    for grid in grids(sections.pair.tooth_model) {
         for Estimate {
             estimator,
             samples,
@@ -238,13 +259,12 @@ pub fn choice(campaign: &Campaign) -> Result<Option<Choice>, String> {
             }
         }
     }
-    match best {
-        Some(best) => Ok(Some(best)),
-        None => Err(format!(
+    best.ok_or_else(|| {
+        format!(
             "at least {:.3}, the error of the most accurate settings measured",
             least + 0.0005
-        )),
-    }
+        )
+    })
 }
 
 /// Medians over random designs of ΔSTE and of its standard deviation under the random wear, µm.
@@ -284,14 +304,15 @@ struct Grid {
 }
 
 /// The grids that were measured for a tooth model.
-fn grids(tooth_model: &str) -> Vec<Grid> {
+fn grids(tooth_model: gear::ToothModel) -> Vec<Grid> {
     let columns = [
         "CPU time a sample (µs)",
         "CPU time a design (µs)",
         "error with random wear, 95th percentile (%)",
     ];
     let rows = rows(SIMULATOR_TABLE, columns).into_iter();
-    let measured = rows.filter(|row| row.panel == tooth_model && row.method == "prefix sums");
+    let panel = tooth_model.to_string();
+    let measured = rows.filter(|row| row.panel == panel && row.method == "prefix sums");
     let grid = |row: Row<3>| {
         let (cells, phases) = row.setting.split_once(" × ")?;
         let [sample_micros, design_micros, error_percent] = row.values;
@@ -390,31 +411,44 @@ mod tests {
             + &format!("\n[accuracy]\ntolerance_um = {tolerance_um}\n")
     }
 
-    fn parse(text: &str) -> Campaign {
-        Campaign::parse("my.toml", text).unwrap()
+    fn parse(text: &str) -> CampaignFile {
+        CampaignFile::parse("my.toml", text).unwrap()
     }
 
     #[test]
     fn a_smaller_tolerance_costs_more_and_is_kept() {
         let mut last = 0.0;
         for tolerance_um in [0.4, 0.1, 0.05] {
-            let campaign = parse(&text(tolerance_um));
-            let choice = choice(&campaign).unwrap().unwrap();
+            let CampaignFile {
+                campaign, choice, ..
+            } = parse(&text(tolerance_um));
+            let choice = choice.unwrap();
             assert!(choice.error_um() <= tolerance_um, "{choice}");
             assert!(choice.design_micros >= last, "{choice}");
             last = choice.design_micros;
             assert_eq!(campaign.sampling.samples_per_design, choice.samples);
-            let grid = campaign.gears().unwrap().grid();
+            let grid = campaign.gears().unwrap().grid;
             assert_eq!([grid.cells as u32, grid.phases as u32], choice.grid);
         }
     }
 
     #[test]
     fn a_tolerance_is_the_campaign_of_the_settings_that_it_chooses() {
-        let chosen = parse(&text(0.1));
-        let written = toml::to_string(&chosen).unwrap();
-        assert!(!written.contains("tolerance_um = 0.1"), "{written}");
-        assert_eq!(parse(&written).digest(), chosen.digest());
+        let CampaignFile {
+            campaign: chosen,
+            text: written,
+            ..
+        } = parse(&text(0.1));
+        // A store keeps the text, and reads it without a simulation.
+        let parse = |text: &str| Campaign::parse("my.toml", text).unwrap();
+        assert_eq!(parse(&written), chosen);
+        let refused = Campaign::parse("my.toml", &text(0.1))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            refused.contains("accuracy.tolerance_um is 0.1"),
+            "{refused}"
+        );
         assert_eq!(
             Campaign::from_json(&chosen.to_json()).unwrap().digest(),
             chosen.digest()
@@ -425,7 +459,11 @@ mod tests {
 
     #[test]
     fn what_a_tolerance_chooses_is_left_out_and_what_cannot_be_reached_is_refused() {
-        let refusal = |text: &str| Campaign::parse("my.toml", text).unwrap_err().to_string();
+        let refusal = |text: &str| {
+            CampaignFile::parse("my.toml", text)
+                .unwrap_err()
+                .to_string()
+        };
         let both = format!("{}\n[accuracy]\ntolerance_um = 0.1\n", Campaign::WEAR);
         let message = refusal(&both);
         assert!(
@@ -447,7 +485,7 @@ mod tests {
 
     #[test]
     fn an_enrichment_and_manufacture_limit_the_estimators() {
-        let with = |section: &str| choice(&parse(&(text(0.2) + section))).unwrap().unwrap();
+        let with = |section: &str| parse(&(text(0.2) + section)).choice.unwrap();
         let enriched = with(
             "[enrichment]\ncriterion = \"knowledge-gradient\"\nsamples = 1000\nrounds = 5\npoints_per_round = 5\n\
              samples_per_point = 30\ntolerance_um = 0.01\n",
@@ -463,7 +501,7 @@ mod tests {
     #[test]
     fn every_grid_and_estimator_is_in_the_tables() {
         for model in gear::ToothModel::ALL {
-            assert!(grids(model.name()).len() >= 10, "{model}");
+            assert!(grids(*model).len() >= 10, "{model}");
         }
         for estimator in ESTIMATORS {
             assert!(

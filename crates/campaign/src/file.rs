@@ -1,7 +1,7 @@
 //! The user's files: the campaign file and the pair file.
 //!
 //! Both are TOML with units in their keys. A file is parsed strictly (unknown and missing keys are
-//! errors) and validated once, here, so every [`Campaign`] is valid.
+//! errors) and validated once, here, so every [`Campaign`] is valid. Parsing simulates nothing.
 
 mod accuracy;
 mod advice;
@@ -12,6 +12,7 @@ mod corrections;
 mod enrichment;
 mod external;
 mod failed;
+mod form;
 mod gear_sections;
 mod kriging;
 mod limits;
@@ -23,17 +24,17 @@ mod sections;
 mod settings;
 mod validate;
 mod variant;
-mod written;
+mod wear;
 
-pub use self::accuracy::Accuracy;
-pub use self::kriging::{Kriging, Noise, Nugget};
-pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Written};
-pub(crate) use bounds::{HELIX_ANGLE, ROOT_RADII, Setting, TIP_RADII};
+pub use self::kriging::Kriging;
+pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Setting};
+pub(crate) use bounds::{HELIX_ANGLE, ROOT_RADII, TIP_RADII};
 pub use campaign::{Campaign, Kind};
 pub use corrections::{CorrectionsSection, PairCorrections};
 pub use enrichment::Enrichment;
 pub use external::{Aim, ConstraintSection, ExternalSections, ResponseSection, VariableSection};
 pub use failed::FailedSamples;
+pub(crate) use form::Form;
 pub use gear_sections::{GearSections, Pair, Penalty, Report};
 pub use limits::GearLimits;
 pub use material::{Grade, Material};
@@ -41,8 +42,8 @@ pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use percentile::SIGNIFICANCE;
 pub use sampling::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
-pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection, Wear, WearLaw};
-pub use settings::{Doe, Optimise, Restarts, Verify};
+pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection};
+pub use settings::{Doe, Optimise, Verify};
 pub(crate) use validate::Source;
 
 /// The errors of campaign and pair files.

@@ -330,7 +330,8 @@ impl Search {
         let least = self.settings.evaluations / 2;
         let mut options = RunOptions {
             evaluations: self.settings.restart_at.unwrap_or(least).max(least) as usize,
-            restarts: Restarts::FromBest { planned: 0 },
+            restarts: Restarts::FromBest,
+            restart_at: None,
             ..self.settings.run(bounds)
         };
         // The constrained optimum lies near the penalised one, so the search begins there with a

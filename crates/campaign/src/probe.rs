@@ -9,11 +9,12 @@ use rand::RngExt as _;
 use sha2::{Digest, Sha256};
 use stats::streams::{Purpose, StreamRng, stream};
 
+use crate::file::SimulatorSection;
 use crate::formulation::Problem;
 use crate::simulator::{NoAnswer, Simulator, State};
 
 /// Number of designs to simulate, of which about two in three are simulable.
-pub const DESIGNS: u32 = 12;
+pub const DESIGNS: u32 = SimulatorSection::MAX_PROBE_DESIGNS;
 
 /// SHA-256, as hex, of the bits of a fixed set of simulations of `problem` by the built-in model.
 ///

@@ -2,19 +2,19 @@
 
 use std::fmt;
 
-use crate::{CmaEs, Error, Evaluation, Options, Stop};
 use rand::{Rng, RngExt as _};
+use serde::{Deserialize, Serialize};
+
+use crate::{CmaEs, Error, Evaluation, Options, Stop};
 
 /// The restarts of a run after a search has stopped.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Restarts {
     /// From the best design so far, with the same population and the initial step. While all
     /// designs have failed, the restart is from a uniformly drawn point.
-    FromBest {
-        /// Number of evaluations after which the run restarts in any case, at the end of that
-        /// generation, as the gear paper plans it. 0, or a number not below the budget, means none.
-        planned: usize,
-    },
+    #[default]
+    FromBest,
     /// From a uniformly drawn point with twice the population (A. Auger and N. Hansen, *A restart
     /// CMA evolution strategy with increasing population size*, CEC 2005).
     Ipop,
@@ -34,12 +34,15 @@ pub struct RunOptions {
     pub evaluations: usize,
     /// The restarts after a search has stopped.
     pub restarts: Restarts,
+    /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts in any case, at the end
+    /// of that generation, as the gear paper plans it. A number not below the budget means none.
+    pub restart_at: Option<usize>,
 }
 
 /// Why a run restarted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Cause {
-    /// The restart was planned: [`Restarts::FromBest`].
+    /// The restart was planned: [`RunOptions::restart_at`].
     Planned,
     /// A small search of [`Restarts::Bipop`] used up its share of the budget.
     Share,
@@ -130,8 +133,9 @@ impl Run {
         if options.evaluations == 0 {
             return Err(Error::NoBudget);
         }
-        let planned = matches!(options.restarts,
-            Restarts::FromBest { planned } if (1..options.evaluations).contains(&planned));
+        let within = |at| (1..options.evaluations).contains(&at);
+        let planned =
+            options.restarts == Restarts::FromBest && options.restart_at.is_some_and(within);
         Ok(Self {
             search: CmaEs::new(start, options.search.clone())?,
             best: None,
@@ -197,10 +201,8 @@ impl Run {
         }
         self.search.tell(evaluations)?;
 
-        let due = match self.options.restarts {
-            Restarts::FromBest { planned } => self.planned && self.evaluations >= planned,
-            _ => false,
-        };
+        let reached = |at| self.evaluations >= at;
+        let due = self.planned && self.options.restart_at.is_some_and(reached);
         let spent = self.evaluations - self.turns.begun_at;
         let used_up = self
             .turns
@@ -225,7 +227,7 @@ impl Run {
 
     fn restart<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<(), Error> {
         let mut options = self.options.search.clone();
-        let from_best = matches!(self.options.restarts, Restarts::FromBest { .. });
+        let from_best = self.options.restarts == Restarts::FromBest;
         let start = match &self.best {
             Some((x, _)) if from_best => x.clone(),
             _ => {

@@ -6,6 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError};
 use coordinator::local::LocalWorkers;
@@ -160,8 +161,8 @@ fn read_by<T>(path: &Path, by: impl FnOnce(&Path) -> std::io::Result<T>) -> Resu
     })
 }
 
-/// Reads a campaign from a file, or takes the paper's. Returns it with its text.
-fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<(Campaign, String)> {
+/// Reads a campaign file, or takes the paper's.
+fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<CampaignFile> {
     let (name, text) = match file {
         Some(path) => (path.display().to_string(), read(path)?),
         None => (
@@ -169,11 +170,11 @@ fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<(Campaign, String)> 
             Campaign::PAPER.to_owned(),
         ),
     };
-    Ok((Campaign::parse(&name, &text)?, text))
+    Ok(CampaignFile::parse(&name, &text)?)
 }
 
 async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
-    let (campaign, text) = campaign_or_paper(arguments.campaign.as_deref())?;
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(arguments.campaign.as_deref())?;
     viewing::refuse_open(arguments.http)?;
     let db = arguments
         .db
@@ -232,8 +233,7 @@ fn local_workers(
 }
 
 async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
-    let text = read(&arguments.campaign)?;
-    let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(Some(&arguments.campaign))?;
     viewing::refuse_open(arguments.http)?;
     let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;

@@ -57,7 +57,10 @@ fn run(arguments: &[String]) -> Result<(Design, f64), String> {
     let n = n.parse().map_err(|e| format!("points {n}: {e}"))?;
     let d = d.parse().map_err(|e| format!("variables {d}: {e}"))?;
     let start = Instant::now();
-    let method: Method = method.parse().map_err(|e: doe::Error| e.to_string())?;
+    let mut methods = Method::ALL.into_iter();
+    let method = methods
+        .find(|one| one.to_string() == method)
+        .ok_or_else(|| format!("no design is called {method}"))?;
     let design = method.design(n, d, &options).map_err(|e| e.to_string())?;
     Ok((design, start.elapsed().as_secs_f64()))
 }

@@ -21,12 +21,6 @@ pub enum Error {
         /// The requested effort.
         effort: f64,
     },
-    /// No method has this name.
-    #[error("no design is called {name:?}, use random, maximin or sobol")]
-    UnknownMethod {
-        /// The name given.
-        name: String,
-    },
     /// The Sobol sequence has fewer points than requested.
     #[error(
         "{n} points of a Sobol sequence requested: 2 to 65536 are possible, the methods maximin and \

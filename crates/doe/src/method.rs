@@ -1,9 +1,9 @@
 //! Kinds of designs by their names.
 
 use std::fmt;
-use std::str::FromStr;
 
 use rand::Rng as _;
+use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
 
 use crate::design::check;
@@ -18,7 +18,8 @@ const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
 const SAME: f64 = 0.5 * HALF_SPACING;
 
 /// A kind of design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Method {
     /// Any Latin hypercube: [`random_lhs`].
@@ -33,16 +34,6 @@ pub enum Method {
 impl Method {
     /// Every method.
     pub const ALL: [Self; 3] = [Self::Random, Self::Maximin, Self::Sobol];
-
-    /// The name [`FromStr`] accepts and [`fmt::Display`] writes.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Random => "random",
-            Self::Maximin => "maximin",
-            Self::Sobol => "sobol",
-        }
-    }
 
     /// A design of `n` points in `d` variables. Only [`Method::Maximin`] uses the effort.
     ///
@@ -106,22 +97,10 @@ impl Method {
     }
 }
 
+/// The name in files.
 impl fmt::Display for Method {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Method {
-    type Err = Error;
-
-    fn from_str(name: &str) -> Result<Self, Error> {
-        Self::ALL
-            .into_iter()
-            .find(|method| method.name() == name)
-            .ok_or_else(|| Error::UnknownMethod {
-                name: name.to_owned(),
-            })
+        self.serialize(f)
     }
 }
 

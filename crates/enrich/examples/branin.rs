@@ -160,7 +160,7 @@ fn main() {
     let number = |text: &str| -> u64 { text.parse().expect("--seeds takes FIRST..=LAST") };
     let criterion = value("--criterion").map_or(Criterion::ExpectedQuantileImprovement, |name| {
         let mut all = Criterion::ALL.into_iter();
-        all.find(|c| c.name() == name)
+        all.find(|c| c.to_string() == name)
             .expect("--criterion takes the name of one")
     });
     let batch = value("--batch").map_or(12, |text| text.parse().expect("--batch takes a number"));
@@ -196,7 +196,7 @@ fn main() {
     println!(
         "\n{}: {:.4} above the optimum in the median and {:.4} at most; the 95 % interval holds the true value \
          with {covered} of {} seeds. {all_failed} infill points failed.",
-        criterion.name(),
+        criterion,
         above[above.len() / 2],
         above[above.len() - 1],
         above.len(),

@@ -80,7 +80,8 @@ where
     let run = cmaes::RunOptions {
         search: cmaes::Options::new(context.options.bounds.clone()),
         evaluations: context.options.search_evaluations,
-        restarts: cmaes::Restarts::FromBest { planned: 0 },
+        restarts: cmaes::Restarts::FromBest,
+        restart_at: None,
     };
     let mut violation = |x: &[f64]| cmaes::Evaluation {
         value: 0.0,

@@ -1,7 +1,9 @@
 //! The settings of the enrichment.
 
+use std::fmt;
+
 use cmaes::Bounds;
-use kriging::Kernel;
+use kriging::{Kernel, Noise};
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
@@ -36,15 +38,12 @@ impl Criterion {
         Self::ReinterpolatedExpectedImprovement,
         Self::KnowledgeGradient,
     ];
+}
 
-    /// The name in files and reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::ExpectedQuantileImprovement => "expected-quantile-improvement",
-            Self::ReinterpolatedExpectedImprovement => "reinterpolated-expected-improvement",
-            Self::KnowledgeGradient => "knowledge-gradient",
-        }
+/// The name in files and reports.
+impl fmt::Display for Criterion {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -59,9 +58,8 @@ pub struct Options {
     pub criterion: Criterion,
     /// The correlation function of the models.
     pub kernel: Kernel,
-    /// Whether the noise variances are smoothed over the designs, [`kriging::smoothed_noise`]: the
-    /// error of a variance is then hardly correlated with the error of its response.
-    pub smooth_noise: bool,
+    /// The source of the noise variances.
+    pub noise: Noise,
     /// Whether to model the logarithm of the response if all responses are positive. The logarithm
     /// of a response that spans decades is much smoother. The noise stays known: its variance is
     /// divided by the square of the response.
@@ -108,7 +106,7 @@ impl Options {
             seed: 0,
             criterion: Criterion::ExpectedQuantileImprovement,
             kernel: Kernel::default(),
-            smooth_noise: false,
+            noise: Noise::Own,
             logarithm: true,
             batch: 12,
             samples_new: 30,

@@ -87,7 +87,8 @@ where
             ..cmaes::Options::new(within)
         },
         evaluations: (options.search_evaluations - options.search_evaluations / 4).max(1),
-        restarts: Restarts::FromBest { planned: 0 },
+        restarts: Restarts::FromBest,
+        restart_at: None,
     };
     let found = match cmaes::minimise_run(&start, run, rng, &mut evaluate) {
         Ok(outcome) => {

@@ -1,5 +1,6 @@
 //! The input of a round: designs, their responses, earlier rounds.
 
+use kriging::Noise;
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, Options};
@@ -118,7 +119,7 @@ impl Rows {
                 }
             }
         }
-        if options.smooth_noise {
+        if options.noise == Noise::Smoothed {
             smooth_noise(&mut rows.sampled, options);
         }
         Ok(rows)
@@ -140,21 +141,22 @@ impl Rows {
 /// Replaces the variance of each response by that of a model of the variances of single samples.
 /// Variances that cannot be modelled stay.
 fn smooth_noise(rows: &mut [Sampled], options: &Options) {
-    let samples = |row: &Sampled| f64::from(row.samples.max(2));
     let x: Vec<f64> = rows.iter().flat_map(|row| row.x.iter().copied()).collect();
-    let of_one = rows.iter().map(|row| row.variance * samples(row));
-    let of_one: Vec<f64> = of_one.collect();
-    let mut counts: Vec<f64> = rows.iter().map(samples).collect();
+    let own: Vec<f64> = rows.iter().map(|row| row.variance).collect();
+    let samples = rows.iter().map(|row| f64::from(row.samples.max(2)));
+    let samples: Vec<f64> = samples.collect();
+    let mut counts = samples.clone();
     counts.sort_by(f64::total_cmp);
     // Most designs have the samples of one turn.
     let freedom = counts
         .get(counts.len() / 2)
         .map_or(1.0, |count| count - 1.0);
     let d = options.bounds.dimension();
-    if let Ok(smooth) = kriging::smoothed_noise(&x, d, &of_one, freedom, options.seed) {
-        for (row, of_one) in rows.iter_mut().zip(smooth) {
-            row.variance = of_one / samples(row);
-        }
+    let smooth = options
+        .noise
+        .variances(&x, d, own, &samples, freedom, options.seed);
+    for (row, variance) in rows.iter_mut().zip(smooth.unwrap_or_default()) {
+        row.variance = variance;
     }
 }
 
@@ -200,9 +202,9 @@ mod tests {
             ..State::default()
         };
         let bounds = Bounds::new(vec![(0.0, 1.0), (0.0, 1.0)]).unwrap();
-        let worst = |smooth_noise: bool| {
+        let worst = |noise| {
             let options = Options {
-                smooth_noise,
+                noise,
                 ..Options::new(bounds.clone())
             };
             let rows = Rows::new(&state, &options).unwrap();
@@ -210,6 +212,8 @@ mod tests {
             let factors = rows.sampled.iter().map(|row| factor(row).ln().abs());
             factors.fold(0.0, f64::max)
         };
-        assert!(worst(false) > 0.45 && worst(true) < 0.25, "{}", worst(true));
+        assert!(worst(Noise::Own) > 0.45);
+        let smoothed = worst(Noise::Smoothed);
+        assert!(smoothed < 0.25, "{smoothed}");
     }
 }

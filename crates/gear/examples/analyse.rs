@@ -23,9 +23,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (value, argument) in v.iter_mut().zip(&arguments) {
         *value = argument.parse()?;
     }
-    let tooth_model = arguments
-        .get(6)
-        .map_or(Ok(ToothModel::HertzBeam), |name| name.parse())?;
+    let mut models = ToothModel::ALL.iter();
+    let tooth_model = match arguments.get(6) {
+        None => ToothModel::HertzBeam,
+        Some(name) => *models
+            .find(|model| model.to_string() == *name)
+            .ok_or_else(|| format!("no tooth model is called {name}"))?,
+    };
     let input = PairInput {
         tooth_model,
         ..paper::design(v)

@@ -9,26 +9,24 @@
 //!
 //! Left out: end relief, helix-angle and pressure-angle corrections, topographies.
 
-use crate::error::{InputError, UnknownName};
+use serde::{Deserialize, Serialize};
+
+use crate::error::InputError;
 use crate::geometry::Geometry;
 use crate::input::{Member, named, within};
 
 /// The growth of tip relief from its start to the tip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum ReliefShape {
     /// In proportion to the distance from its start.
+    #[default]
     Linear,
     /// With the square of that distance, so that it starts without a corner.
     Parabolic,
 }
 
-named!(
-    ReliefShape,
-    "relief shape",
-    "linear, parabolic",
-    Linear = "linear",
-    Parabolic = "parabolic"
-);
+named!(ReliefShape: Linear, Parabolic);
 
 /// Tip relief of one gear: C_a x^k on its last flank points, x from 0 at the start of the relief
 /// to 1 at the end of contact, k = 1 or 2 (ISO 21771:2007, 7.4).

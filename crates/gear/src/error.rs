@@ -26,18 +26,6 @@ pub struct InputError {
     pub expected: &'static str,
 }
 
-/// A name that selects no model, rule or kernel.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("unknown {kind} {name:?}, expected one of: {expected}")]
-pub struct UnknownName {
-    /// The kind of choice, for example `tooth model`.
-    pub kind: &'static str,
-    /// The name that was given.
-    pub name: String,
-    /// The names that exist, separated by commas.
-    pub expected: &'static str,
-}
-
 /// Why a well-formed design cannot be simulated. Lengths in mm, angles in radians.
 ///
 /// "No teeth interference" of the optimisation problems is not in this list: it is a constraint,

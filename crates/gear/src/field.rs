@@ -233,7 +233,7 @@ mod tests {
 
     fn wear(kernel: Kernel) -> Wear {
         Wear {
-            law: WearLaw::Archard { max_depth: 0.0035 },
+            law: WearLaw::Archard { max_depth_um: 3.5 },
             kernel,
             range: 0.2,
             variance: 0.01,

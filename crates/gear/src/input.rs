@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use crate::error::{InputError, UnknownName};
+use serde::{Deserialize, Serialize};
+
+use crate::error::InputError;
 
 /// One of the two gears of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,34 +38,17 @@ impl fmt::Display for Member {
     }
 }
 
-/// Implements `FromStr`, `Display` and `NAMES` for an enum chosen by name in a campaign file.
+/// Implements `Display` by the name in files, which serde knows, and lists the choices.
 macro_rules! named {
-    ($type:ident, $kind:literal, $list:literal, $($variant:ident = $name:literal),+) => {
+    ($type:ident: $($variant:ident),+) => {
         impl $type {
-            /// Every choice, in the order of declaration.
+            /// All choices, in the order of declaration.
             pub const ALL: &'static [Self] = &[$(Self::$variant),+];
-
-            /// The name used in campaign files.
-            #[must_use]
-            pub const fn name(self) -> &'static str {
-                match self { $(Self::$variant => $name),+ }
-            }
         }
 
         impl std::fmt::Display for $type {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.write_str(self.name())
-            }
-        }
-
-        impl std::str::FromStr for $type {
-            type Err = UnknownName;
-
-            fn from_str(name: &str) -> Result<Self, UnknownName> {
-                match name {
-                    $($name => Ok(Self::$variant),)+
-                    _ => Err(UnknownName { kind: $kind, name: name.to_owned(), expected: $list }),
-                }
+                serde::Serialize::serialize(self, f)
             }
         }
     };
@@ -91,11 +76,13 @@ pub enum Size {
 ///
 /// With all but [`WholeFaceBeam`](Self::WholeFaceBeam) teeth are thin slices across the face that do
 /// not feel each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum ToothModel {
     /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
     HertzBeam,
     /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
+    #[default]
     WeberBanaschek,
     /// The beams and the contact of [`HertzBeam`](Self::HertzBeam), but each tooth is one beam over
     /// the whole face: a line of contact that covers the share f of the face b has the compliance
@@ -115,55 +102,39 @@ pub enum ToothModel {
 
 pub(crate) use named;
 
-named!(
-    ToothModel,
-    "tooth model",
-    "hertz-beam, weber-banaschek, whole-face-beam, prismatic-beam",
-    HertzBeam = "hertz-beam",
-    WeberBanaschek = "weber-banaschek",
-    WholeFaceBeam = "whole-face-beam",
-    PrismaticBeam = "prismatic-beam"
-);
+named!(ToothModel: HertzBeam, WeberBanaschek, WholeFaceBeam, PrismaticBeam);
 
 /// The treatment of a tip that would press into the mate's root.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum TipRule {
     /// The tip stays as its rack leaves it, even with a negative clearance.
+    #[default]
     AsCut,
     /// The tip is first turned down to zero clearance.
     ClearRoot,
 }
 
-named!(
-    TipRule,
-    "tip rule",
-    "as-cut, clear-root",
-    AsCut = "as-cut",
-    ClearRoot = "clear-root"
-);
+named!(TipRule: AsCut, ClearRoot);
 
 /// The standard basic rack tooth profiles of ISO 53:1998, table 2: what a common hob cuts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Rack {
     /// High loads: clearance 0.25 m and the largest fillet.
+    #[serde(rename = "iso-53-a")]
     A,
     /// Common use, hobs with a smaller fillet.
+    #[serde(rename = "iso-53-b")]
     B,
     /// Common use, hobs for racks with little fillet.
+    #[serde(rename = "iso-53-c")]
     C,
     /// Precision gears with ground or shaved flanks: clearance 0.4 m.
+    #[serde(rename = "iso-53-d")]
     D,
 }
 
-named!(
-    Rack,
-    "standard rack",
-    "iso-53-a, iso-53-b, iso-53-c, iso-53-d",
-    A = "iso-53-a",
-    B = "iso-53-b",
-    C = "iso-53-c",
-    D = "iso-53-d"
-);
+named!(Rack: A, B, C, D);
 
 impl Rack {
     /// The tool's addendum, the dedendum h_fP of the gear's profile, in modules.
@@ -199,31 +170,25 @@ impl Rack {
 /// The field is a Karhunen–Loève expansion of at most 64 modes for each gear. The two rough kernels
 /// lose some variance by it, all of it in waves shorter than a tenth of the range;
 /// [`Sampler::truncation`](crate::Sampler::truncation) says how much.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Kernel {
     /// exp(−h²): infinitely smooth. 8 modes over 2.5 ranges leave out 1e-6 of the variance.
     SquaredExponential,
     /// exp(−h): continuous, with a corner everywhere. Loses 1.3 % of the variance over 2.5 ranges.
     Exponential,
     /// (1 + √3 h) exp(−√3 h).
+    #[serde(rename = "matern-3-2")]
     Matern32,
     /// (1 + √5 h + 5 h²/3) exp(−√5 h).
+    #[serde(rename = "matern-5-2")]
     Matern52,
     /// 1 − 3h/2 + h³/2 up to h = 1, zero beyond; as rough as the exponential one. Loses 2.2 % of the
     /// variance over 2.5 ranges.
     Spherical,
 }
 
-named!(
-    Kernel,
-    "kernel",
-    "squared-exponential, exponential, matern-3-2, matern-5-2, spherical",
-    SquaredExponential = "squared-exponential",
-    Exponential = "exponential",
-    Matern32 = "matern-3-2",
-    Matern52 = "matern-5-2",
-    Spherical = "spherical"
-);
+named!(Kernel: SquaredExponential, Exponential, Matern32, Matern52, Spherical);
 
 impl Kernel {
     /// The correlation at the distance `h` ≥ 0, in units of the range.
@@ -421,11 +386,11 @@ impl Material {
 /// Hertz pressure there over the mesh period, MPa, and s_P the pitch point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WearLaw {
-    /// Archard's law: W = max_depth · p|s − s_P| over its maximum. Material goes wherever the flanks
+    /// Archard's law: W = W_max · p|s − s_P| over its maximum. Material goes wherever the flanks
     /// slide, and the deepest place of every pair has the same depth. The law to design with.
     Archard {
-        /// Depth of the deepest place, mm on each flank.
-        max_depth: f64,
+        /// Depth W_max of the deepest place, µm on each flank.
+        max_depth_um: f64,
     },
     /// W = coefficient · p (s_P − s), as the 2009 paper computed it: the sliding velocity with its
     /// sign, and one coefficient for all pairs. Material goes before the pitch point and is
@@ -441,8 +406,8 @@ impl WearLaw {
     #[must_use]
     pub const fn scaled(self, factor: f64) -> Self {
         match self {
-            Self::Archard { max_depth } => Self::Archard {
-                max_depth: factor * max_depth,
+            Self::Archard { max_depth_um } => Self::Archard {
+                max_depth_um: factor * max_depth_um,
             },
             Self::Signed { coefficient } => Self::Signed {
                 coefficient: factor * coefficient,
@@ -475,11 +440,11 @@ impl Wear {
     /// Names the first field that is out of its domain.
     pub fn validate(&self) -> Result<(), InputError> {
         match self.law {
-            WearLaw::Archard { max_depth } => within(
-                "max_depth",
-                max_depth,
-                0.0..=1e3,
-                "a depth from 0 to 1000 mm",
+            WearLaw::Archard { max_depth_um } => within(
+                "max_depth_um",
+                max_depth_um,
+                0.0..=1e6,
+                "a depth from 0 to 1e6 µm",
             )?,
             WearLaw::Signed { coefficient } => within(
                 "coefficient",

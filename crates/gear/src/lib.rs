@@ -140,7 +140,7 @@ mod tests;
 
 pub use converged::Converged;
 pub use corrections::{Corrections, ReliefShape, TipRelief};
-pub use error::{Error, Infeasible, InputError, UnknownName};
+pub use error::{Error, Infeasible, InputError};
 pub use geometry::{Geometry, Interference, Sliding, normal_module, sum_profile_shift};
 pub use input::{
     Discretisation, Kernel, Material, Member, PairInput, Rack, Size, TipRule, ToothModel, Wear,

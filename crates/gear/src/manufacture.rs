@@ -21,14 +21,36 @@
 //! Left out: pitch deviations, profile and helix form, helix slope, and what differs from tooth to
 //! tooth.
 
+use serde::{Deserialize, Serialize};
+
+use crate::error::InputError;
 use crate::geometry::Geometry;
 
 /// The tolerance of a deviation, in standard deviations of it.
 pub const TOLERANCE_IN_SD: f64 = 3.0;
 
 /// A flank tolerance class of ISO 1328-1:2013, from 1, the finest, to 11.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "u32", into = "u32")]
 pub struct FlankClass(u32);
+
+impl TryFrom<u32> for FlankClass {
+    type Error = InputError;
+
+    fn try_from(number: u32) -> Result<Self, InputError> {
+        Self::new(number).ok_or(InputError {
+            field: "flank_class",
+            value: f64::from(number),
+            expected: "a whole number from 1 to 11",
+        })
+    }
+}
+
+impl From<FlankClass> for u32 {
+    fn from(class: FlankClass) -> Self {
+        class.0
+    }
+}
 
 impl FlankClass {
     /// The finest class.

@@ -491,7 +491,8 @@ impl Pair {
         let places = self.mesh.frame.path.s.iter().zip(&self.pressure);
         let s_pitch = self.geometry.s_pitch;
         match wear.law {
-            WearLaw::Archard { max_depth } => {
+            WearLaw::Archard { max_depth_um } => {
+                let max_depth = max_depth_um * 1e-3;
                 let mut depth: Vec<f64> = places.map(|(s, p)| p * (s - s_pitch).abs()).collect();
                 let most = depth.iter().fold(0.0, |most: f64, &v| most.max(v));
                 if most > 0.0 {

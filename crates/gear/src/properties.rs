@@ -301,7 +301,7 @@ proptest! {
     fn wear_acts_through_the_sum(input in all_pairs(), seed in 0_u64..1000) {
         let pair = feasible!(&input);
         let wear = Wear {
-            law: WearLaw::Archard { max_depth: 4e-3 },
+            law: WearLaw::Archard { max_depth_um: 4.0 },
             kernel: Kernel::ALL[seed as usize % Kernel::ALL.len()],
             range: 0.2,
             variance: 0.02,

@@ -521,7 +521,7 @@ fn wear_of_any_kernel_is_drawn() {
     let pair = pair();
     for &kernel in Kernel::ALL {
         let wear = Wear {
-            law: WearLaw::Archard { max_depth: 0.02 },
+            law: WearLaw::Archard { max_depth_um: 20.0 },
             kernel,
             range: 0.05,
             variance: 0.3,
@@ -540,7 +540,7 @@ fn a_draw_is_the_response_at_its_coefficients_and_all_but_linear_in_them() {
     use stats::streams::{Purpose, stream};
     let pair = pair();
     let wear = Wear {
-        law: WearLaw::Archard { max_depth: 3.5e-3 },
+        law: WearLaw::Archard { max_depth_um: 3.5 },
         kernel: Kernel::SquaredExponential,
         range: 0.2,
         variance: 0.01,

@@ -63,10 +63,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let seeds: u64 = arguments.next().map_or(Ok(0), |text| text.parse())?;
     let text = std::fs::read_to_string(directory.join("peers.json"))?;
     let peers: Peers = serde_json::from_str(&text)?;
-    let mut groups: BTreeMap<(String, &str), Vec<&Peer>> = BTreeMap::new();
+    let mut groups: BTreeMap<(String, String), Vec<&Peer>> = BTreeMap::new();
     for peer in &peers.rows {
         if let Some(kernel) = peer.kernel() {
-            let name = (peer.data.clone(), kernel.name());
+            let name = (peer.data.clone(), kernel.to_string());
             groups.entry(name).or_default().push(peer);
         }
     }
@@ -78,7 +78,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for ((data, kernel), peers) in &groups {
         let (train, test) = read(directory, data)?;
         let options = FitOptions {
-            kernel: kernel.parse()?,
+            kernel: peers[0].kernel().unwrap_or_default(),
             ..FitOptions::default()
         };
         let start = processor_seconds();

@@ -85,15 +85,6 @@ pub enum Error {
         /// Name of the array.
         what: &'static str,
     },
-    /// No kernel has this name.
-    #[error(
-        "no kernel is called {name:?}, use matern-5-2, matern-3-2, squared-exponential, exponential, \
-         radial-matern-5-2, radial-matern-3-2 or radial-exponential"
-    )]
-    UnknownKernel {
-        /// The name given.
-        name: String,
-    },
     /// An observation is not positive, and its logarithm is to be modelled.
     #[error("observation {index} is {value}: only positive observations have a logarithm")]
     Logarithm {

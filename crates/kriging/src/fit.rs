@@ -18,7 +18,7 @@ use crate::kernel::Kernel;
 use crate::likelihood::gls::{Gls, Trend};
 use crate::likelihood::prior::Estimator;
 use crate::model::{Model, Parameters};
-use crate::{Error, Warning};
+use crate::{Error, Nugget, Warning};
 use stages::SUBSET_TOLERANCE;
 use starts::Search;
 
@@ -37,11 +37,8 @@ pub struct FitOptions {
     pub max_iterations: usize,
     /// The trend around which the process varies.
     pub trend: Trend,
-    /// Whether to estimate a nugget: one more noise variance, the same at all points, on top of the
-    /// known ones ([`Parameters::nugget`]). Repeated observations of a point are then not merged,
-    /// since their scatter determines the nugget; the fit takes the time of that many points. Only
-    /// noise-free copies of one observation count once.
-    pub nugget: bool,
+    /// Whether a nugget is estimated.
+    pub nugget: Nugget,
     /// Whether to calibrate the predicted variances, see [`Model::calibrated`].
     pub calibrate: bool,
     /// Whether to refuse a model that is not better than a constant plus noise, with
@@ -58,7 +55,7 @@ impl Default for FitOptions {
             starts: 20,
             max_iterations: 100,
             trend: Trend::Constant,
-            nugget: false,
+            nugget: Nugget::Known,
             calibrate: false,
             refuse_no_structure: false,
         }
@@ -84,7 +81,7 @@ impl Default for FitOptions {
 /// covariance of the search can be factorised. What a user should know about a successful fit is in
 /// [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
-    let (points, mut warnings) = if options.nugget {
+    let (points, mut warnings) = if options.nugget.is_estimated() {
         keep(data)?
     } else {
         merge(data)?
@@ -94,7 +91,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         return Err(Error::TooFewPoints { distinct });
     }
     let scaled = Scaled::new(&points)?;
-    if !options.nugget {
+    if !options.nugget.is_estimated() {
         contradiction::check(&points, &scaled)?;
     }
     for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
@@ -130,7 +127,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     let ranges = |k: usize| at[if search.tied { 0 } else { k }].exp();
     let sigma2 = at[at.len() - 1].exp();
     let mut parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
-    if options.nugget {
+    if options.nugget.is_estimated() {
         parameters.nugget = at[at.len() - 2].exp() * scaled.y_scale * scaled.y_scale;
     }
     let mut model = Model::new(
@@ -205,7 +202,11 @@ pub(crate) fn start_from_subset(
     let mut ln_ranges = found.outcome.at;
     let mut variance = || ln_ranges.pop().map_or(0.0, f64::exp);
     let sigma2 = variance();
-    let nugget = if options.nugget { variance() } else { 0.0 };
+    let nugget = if options.nugget.is_estimated() {
+        variance()
+    } else {
+        0.0
+    };
     let ranges = ln_ranges.len();
     if search.tied {
         // A subset too small for a range per coordinate has one range for all.

@@ -1,6 +1,6 @@
 //! Texts of warnings and errors that say what the user of a program can do.
 
-use crate::{Error, Names, Warning};
+use crate::{Error, Names, Nugget, Warning};
 
 /// A program's words for the data, and the names of the settings that help.
 pub struct Guidance<'a> {
@@ -15,8 +15,8 @@ pub struct Guidance<'a> {
     /// How to leave out these observations (numbers from 0), as in `kriging.leave_out = [41]`; `None` if there is
     /// no way.
     pub without: &'a dyn Fn(&[usize]) -> Option<String>,
-    /// Whether the nugget is estimated already.
-    pub estimates_nugget: bool,
+    /// Whether a nugget is estimated already.
+    pub nugget: Nugget,
     /// The source of more points, as in "more designs (doe.designs)".
     pub more_points: &'a str,
     /// The source of less noise, as in "more samples (sampling.samples_per_design)".
@@ -34,7 +34,7 @@ impl Guidance<'_> {
                 let numbers: Vec<usize> = worst.iter().map(|o| o.observation).collect();
                 let without = (self.without)(&numbers);
                 let without = without.map(|how| format!("{how} fits without them"));
-                let noise = (!self.estimates_nugget)
+                let noise = (self.nugget == Nugget::Known)
                     .then(|| format!("{} takes them as noise", setting("nugget", "estimated")));
                 let ways: Vec<String> = without.into_iter().chain(noise).collect();
                 match ways.is_empty() {

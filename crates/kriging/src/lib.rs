@@ -50,7 +50,7 @@ pub use likelihood::prior::Estimator;
 pub use model::loo::LeaveOneOut;
 pub use model::predict::Prediction;
 pub use model::{Model, Parameters};
-pub use noise::smoothed_noise;
+pub use noise::{Noise, Nugget, smoothed_noise};
 pub use surrogate::{Method, Response, Settings, Surrogate};
 pub use vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 pub use warning::{Names, Outlier, Warning};

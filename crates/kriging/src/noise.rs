@@ -7,6 +7,7 @@
 //! simulation metamodeling*, Operations Research 58 (2010) 371–382).
 
 use rand::seq::SliceRandom as _;
+use serde::{Deserialize, Serialize};
 use statrs::function::gamma::digamma;
 use stats::streams::{Purpose, stream};
 
@@ -15,6 +16,65 @@ use crate::{Data, Error, FitOptions, fit};
 /// Number of points that the parameters of the variance model are estimated from; its predictions
 /// use all points.
 const SUBSET: usize = 500;
+
+/// The source of the noise variances of observations that are estimates from samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Noise {
+    /// The variance from the observation's own samples, as in the paper.
+    #[default]
+    Own,
+    /// A variance smoothed over the observations, which hardly depends on the error of the observation itself.
+    Smoothed,
+}
+
+impl Noise {
+    /// The noise variances of the observations at the points `x` (row-major, `d` coordinates).
+    ///
+    /// `own` are the variances of the observations, each of which is in inverse proportion to its number of
+    /// `samples`. The variance of one sample is estimated with `freedom` degrees of freedom.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`smoothed_noise`].
+    pub fn variances(
+        self,
+        x: &[f64],
+        d: usize,
+        own: Vec<f64>,
+        samples: &[f64],
+        freedom: f64,
+        seed: u64,
+    ) -> Result<Vec<f64>, Error> {
+        if self == Self::Own {
+            return Ok(own);
+        }
+        let of_one: Vec<f64> = own.iter().zip(samples).map(|(v, n)| v * n).collect();
+        let smooth = smoothed_noise(x, d, &of_one, freedom, seed)?;
+        Ok(smooth.iter().zip(samples).map(|(v, n)| v / n).collect())
+    }
+}
+
+/// Whether a noise variance is estimated besides the known ones.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Nugget {
+    /// The noise variances are the known ones.
+    #[default]
+    Known,
+    /// One more variance, the same for all observations, is estimated and added
+    /// ([`Parameters::nugget`](crate::Parameters::nugget)).
+    ///
+    /// Repeated observations of a point are then not merged, since their scatter determines the nugget; the
+    /// fit takes the time of that many points. Only noise-free copies of one observation count once.
+    Estimated,
+}
+
+impl Nugget {
+    pub(crate) fn is_estimated(self) -> bool {
+        self == Self::Estimated
+    }
+}
 
 /// The noise `variances` of the observations at the points `x` (row-major, `d` coordinates), smoothed by a
 /// kriging model of their logarithms. Each is proportional to a sample variance with `freedom` degrees of
@@ -54,7 +114,7 @@ pub fn smoothed_noise(
     });
     let options = FitOptions {
         seed,
-        nugget: true,
+        nugget: Nugget::Estimated,
         refuse_no_structure: true,
         ..FitOptions::default()
     };

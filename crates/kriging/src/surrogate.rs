@@ -10,7 +10,7 @@ use crate::kernel::Kernel;
 use crate::model::predict::Prediction;
 use crate::model::{Model, Parameters};
 use crate::vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
-use crate::{Error, LeaveOneOut, Trend, Warning};
+use crate::{Error, LeaveOneOut, Noise, Trend, Warning};
 
 /// Number of observations above which [`Method::Auto`] approximates: the exact fit would take
 /// 24 n² bytes, 2.4 GB here, and minutes.
@@ -49,6 +49,8 @@ pub struct Settings {
     pub method: Method,
     /// The quantity that is modelled.
     pub response: Response,
+    /// The source of the noise variances that the caller passes: [`Noise::variances`].
+    pub noise: Noise,
 }
 
 /// A kriging model by either method, of the response or of its logarithm.

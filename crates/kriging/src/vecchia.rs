@@ -42,7 +42,7 @@ use crate::likelihood::{noise_ratio, point};
 use crate::model::Parameters;
 use crate::model::coordinates::{Coordinates, rows};
 use crate::model::predict::Prediction;
-use crate::{Error, Estimator, FitOptions, Warning};
+use crate::{Error, Estimator, FitOptions, Nugget, Warning};
 use conditional::Conditional;
 use neighbours::{max_min_order, nearest, nearest_earlier};
 
@@ -59,8 +59,8 @@ pub struct VecchiaOptions {
     pub neighbours: usize,
     /// Observations that a prediction is made from.
     pub prediction_neighbours: usize,
-    /// Whether to estimate a nugget, as with [`FitOptions::nugget`].
-    pub nugget: bool,
+    /// Whether a nugget is estimated.
+    pub nugget: Nugget,
     /// Points of the subset whose exact fit gives the ranges and the process variance.
     pub subset: usize,
 }
@@ -73,7 +73,7 @@ impl Default for VecchiaOptions {
             seed: 0,
             neighbours: 30,
             prediction_neighbours: 200,
-            nugget: false,
+            nugget: Nugget::Known,
             subset: 1000,
         }
     }
@@ -113,7 +113,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     if let Some(&(what, _)) = counts.iter().find(|(_, count)| *count == 0) {
         return Err(Error::OutOfRange { what, value: 0.0 });
     }
-    let (points, mut warnings) = if options.nugget {
+    let (points, mut warnings) = if options.nugget.is_estimated() {
         keep(data)?
     } else {
         merge(data)?
@@ -124,7 +124,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         return Err(Error::TooFewPoints { distinct });
     }
     let scaled = Scaled::new(&points)?;
-    if !options.nugget {
+    if !options.nugget.is_estimated() {
         contradiction::check(&points, &scaled)?;
     }
     for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
@@ -163,7 +163,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         nugget,
         sigma2,
     };
-    let variances = usize::from(options.nugget);
+    let variances = usize::from(options.nugget.is_estimated());
     // The ranges, the nugget, σ² and μ.
     warnings.extend(few_points(distinct, ranges + variances + 2));
     let (mut fitted, value) = finish(options, points, &scaled, order, &process)?;

@@ -20,7 +20,7 @@ use kriging::{Data, FitOptions, Model};
 use ledger::{StreamId, Wanted};
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 
-use crate::infill::{MORE, bits, kernel, violation};
+use crate::infill::{MORE, bits, violation};
 use crate::state::VerifyPoint;
 
 /// Whether only the program knows the constraints of a design, and whether it can be simulated at all.
@@ -123,7 +123,7 @@ impl Models {
         let x: Vec<f64> = evaluated.iter().flat_map(|(x, _)| x).copied().collect();
         let exact = vec![0.0; evaluated.len()];
         let options = FitOptions {
-            kernel: kernel(problem),
+            kernel: problem.campaign().kriging.kernel,
             seed: campaign.seed,
             starts: 5,
             ..FitOptions::default()

@@ -1,6 +1,5 @@
 //! The kriging model of P90.
 
-use campaign::file::{Noise, Nugget};
 use campaign::formulation::{Design, Problem};
 use kriging::{Data, Error, Guidance, Names, Surrogate};
 use serde::{Deserialize, Serialize};
@@ -149,17 +148,12 @@ pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogat
     };
     let x = variables(&points);
     let y: Vec<f64> = points.iter().map(|point| point.value).collect();
-    let noise = points.iter().map(|point| point.variance);
-    let noise: Vec<f64> = match campaign.kriging.noise {
-        Noise::Own => noise.collect(),
-        Noise::Smoothed => {
-            let freedom = campaign.sampling.degrees_of_freedom();
-            let samples = || points.iter().map(|point| point.samples as f64);
-            let of_one: Vec<f64> = noise.zip(samples()).map(|(v, n)| v * n).collect();
-            let smooth = kriging::smoothed_noise(&x, d, &of_one, freedom, campaign.seed)?;
-            smooth.iter().zip(samples()).map(|(v, n)| v / n).collect()
-        }
-    };
+    let own: Vec<f64> = points.iter().map(|point| point.variance).collect();
+    let samples: Vec<f64> = points.iter().map(|point| point.samples as f64).collect();
+    let freedom = campaign.sampling.degrees_of_freedom();
+    let settings = campaign.kriging.settings(campaign.seed);
+    let noise = settings.noise;
+    let noise = noise.variances(&x, d, own, &samples, freedom, campaign.seed)?;
     let data = Data {
         x: &x,
         d,
@@ -167,7 +161,6 @@ pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogat
         noise_variance: &noise,
     };
     let number = |observation: usize| points[observation].number;
-    let settings = campaign.kriging.settings(campaign.seed)?;
     let model =
         Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, number))?;
     let feasible: Vec<&Observed> = observed.iter().filter(|point| point.is_feasible).collect();
@@ -238,7 +231,7 @@ fn guided<T>(
             let can_be_left_out = numbers.iter().all(|number| *number < designs);
             can_be_left_out.then(|| format!("kriging.leave_out = {numbers:?}"))
         },
-        estimates_nugget: problem.campaign().kriging.nugget == Nugget::Estimated,
+        nugget: problem.campaign().kriging.nugget,
         more_points: "more designs (doe.designs)",
         less_noise: "more samples (sampling.samples_per_design)",
     })

@@ -3,7 +3,7 @@
 //!
 //! [`enrich::decide`] makes the decisions themselves.
 
-use campaign::file::{Enrichment, Noise};
+use campaign::file::Enrichment;
 use campaign::formulation::{Criteria, Design, GearCriteria, Problem};
 use campaign::simulator::Analysis;
 use campaign::task::FIRST_INFILL;
@@ -146,12 +146,6 @@ pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
     Some(pair.archard(gears.wear()).analysis.delta_ste_um)
 }
 
-/// The covariance function of the models; a validated campaign names one.
-pub(crate) fn kernel(problem: &Problem) -> kriging::Kernel {
-    let name = &problem.campaign().kriging.kernel;
-    name.parse().unwrap_or_default()
-}
-
 /// The settings of a round, with `samples_left` samples left for infill.
 ///
 /// # Errors
@@ -167,8 +161,8 @@ pub fn options(
     Ok(Options {
         seed: problem.campaign().seed,
         criterion: section.criterion,
-        kernel: kernel(problem),
-        smooth_noise: problem.campaign().kriging.noise == Noise::Smoothed,
+        kernel: problem.campaign().kriging.kernel,
+        noise: problem.campaign().kriging.noise,
         batch: section.points_per_round as usize,
         samples_new: section.samples_per_point,
         samples_more: section.samples_per_point,

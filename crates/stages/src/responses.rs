@@ -196,7 +196,7 @@ mod tests {
     fn sampling(precision_um: Option<f64>) -> Sampling {
         Sampling {
             samples_per_design: 10,
-            level: None,
+            level: 0.9,
             precision_um,
             samples_max: precision_um.map(|_| 60),
             skip_violation: None,
@@ -395,7 +395,8 @@ mod tests {
             campaign::Campaign::parse("pair.toml", campaign::Campaign::PAIR).unwrap();
         for (class, normal_states) in [(3, 0.9..1.1), (6, 0.6..0.8), (9, 0.45..0.65)] {
             let sections = campaign.gears_mut().unwrap();
-            sections.manufacture = Some(campaign::file::Manufacture { flank_class: class });
+            let flank_class = gear::FlankClass::new(class).unwrap();
+            sections.manufacture = Some(campaign::file::Manufacture { flank_class });
             let problem = Problem::new(campaign.clone());
             let base = problem.base().clone();
             let design = DesignRow {

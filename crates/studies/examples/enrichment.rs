@@ -28,14 +28,13 @@
 use std::cell::Cell;
 
 use campaign::Campaign;
-use campaign::file::Noise;
 use campaign::formulation::gears::Gears;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::optimise;
 use campaign::task::VERIFICATION;
 use cmaes::Bounds;
 use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, State, decide};
-use kriging::{Data, Surrogate, smoothed_noise};
+use kriging::{Data, Noise, Surrogate};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 use studies::direct::{self, Search, Start};
@@ -60,7 +59,7 @@ fn gears(problem: &Problem) -> &Gears {
 /// One method's result for one seed.
 struct Row {
     seed: u64,
-    method: &'static str,
+    method: String,
     x: Vec<f64>,
     p90: f64,
     interval: (f64, f64),
@@ -172,7 +171,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         let (p90, interval) = verify(problem, &problem.design(&best.0, &base));
         rows.push(Row {
             seed,
-            method: "best-of-doe",
+            method: "best-of-doe".to_owned(),
             x: best.0.clone(),
             p90,
             interval,
@@ -191,21 +190,19 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
             let x: Vec<f64> = points.iter().flat_map(|p| p.0.iter().copied()).collect();
             let y: Vec<f64> = points.iter().map(|p| p.1).collect();
             let own: Vec<f64> = points.iter().map(|p| p.2).collect();
-            let noise_variance = match campaign.kriging.noise {
-                Noise::Own => own,
-                Noise::Smoothed => {
-                    let freedom = campaign.sampling.degrees_of_freedom();
-                    let smooth = smoothed_noise(&x, problem.dimension(), &own, freedom, seed);
-                    smooth.expect("some two thousand designs")
-                }
-            };
+            let settings = campaign.kriging.settings(seed);
+            let samples = vec![f64::from(campaign.sampling.samples_per_design); own.len()];
+            let freedom = campaign.sampling.degrees_of_freedom();
+            let d = problem.dimension();
+            let noise = settings.noise;
+            let noise_variance = noise.variances(&x, d, own, &samples, freedom, seed);
+            let noise_variance = noise_variance.expect("some two thousand designs");
             let data = Data {
                 x: &x,
-                d: problem.dimension(),
+                d,
                 y: &y,
                 noise_variance: &noise_variance,
             };
-            let settings = campaign.kriging.settings(seed).expect("a valid section");
             Surrogate::fit(&data, &settings).expect("some two thousand designs")
         });
         let json = model
@@ -243,7 +240,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         let (p90, interval) = verify(problem, &design);
         rows.push(Row {
             seed,
-            method: approach.name(),
+            method: approach.name().to_owned(),
             x,
             p90,
             interval,
@@ -301,7 +298,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     let options = |left: u32| Options {
         seed,
         criterion,
-        smooth_noise: problem.campaign().kriging.noise == Noise::Smoothed,
+        noise: problem.campaign().kriging.noise,
         batch: 24,
         delta_um: 0.003,
         basins: 3,
@@ -379,7 +376,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     let (p90, interval) = verify(problem, &problem.design(&x, &base));
     Some(Row {
         seed,
-        method: criterion.name(),
+        method: criterion.to_string(),
         x,
         p90,
         interval,
@@ -412,7 +409,7 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     let (p90, interval) = verify(problem, design);
     Some(Row {
         seed,
-        method: "direct",
+        method: "direct".to_owned(),
         x: problem.free_values(design),
         p90,
         interval,
@@ -421,6 +418,13 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
         plain: runs.iter().map(|run| run.plain_calls).sum(),
         cpu,
     })
+}
+
+/// The tooth model with this name.
+fn named(name: &str) -> gear::ToothModel {
+    let mut models = gear::ToothModel::ALL.iter();
+    let named = models.find(|model| model.to_string() == name);
+    *named.expect("--tooth-model takes a name")
 }
 
 /// The campaign of the command line: that of a file, with other teeth, torque and tooth model if
@@ -456,7 +460,7 @@ fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
             .gears_mut()
             .expect("a gear campaign")
             .pair
-            .tooth_model = model;
+            .tooth_model = named(&model);
     }
     match value("--noise").as_deref() {
         None => {}
@@ -482,7 +486,7 @@ fn main() {
     let named = value("--criterion");
     let criterion = Criterion::ALL
         .into_iter()
-        .find(|c| Some(c.name()) == named.as_deref())
+        .find(|c| named.as_ref() == Some(&c.to_string()))
         .unwrap_or(Criterion::ExpectedQuantileImprovement);
     let trace = arguments.iter().any(|a| a == "--trace");
 
@@ -510,7 +514,7 @@ fn main() {
         }
         printed = rows.len();
     }
-    table(&rows, criterion.name());
+    table(&rows, &criterion.to_string());
 }
 
 fn table(rows: &[Row], enriched: &str) {
@@ -546,7 +550,7 @@ fn table(rows: &[Row], enriched: &str) {
     let wins = ours.iter().filter(|our| {
         let mut others = rows
             .iter()
-            .filter(|row| row.seed == our.seed && papers.contains(&row.method));
+            .filter(|row| row.seed == our.seed && papers.contains(&row.method.as_str()));
         others.all(|other| our.p90 < other.p90)
     });
     let holds = ours.iter().filter(|our| {

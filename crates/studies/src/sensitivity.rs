@@ -502,7 +502,8 @@ mod tests {
     fn slope_deviations_are_part_of_the_random_input() {
         let (perfect, optimum) = figure_9();
         let mut campaign = perfect.campaign().clone();
-        let manufacture = campaign::file::Manufacture { flank_class: 9 };
+        let flank_class = gear::FlankClass::new(9).unwrap();
+        let manufacture = campaign::file::Manufacture { flank_class };
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);
         let rows = scenarios(&problem, &optimum).unwrap();

@@ -218,7 +218,7 @@ fn pair(file: &PairFile) -> Result<Pair, gear::Error> {
 
 /// All results of the simulator for a pair with the requested wear.
 fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Figures> {
-    let wear = file.wear.to_gear();
+    let wear = file.wear;
     let analysis = match request.wear {
         WearChoice::None => pair.unworn(),
         WearChoice::Archard | WearChoice::Random => pair.archard(&wear).analysis,

@@ -203,7 +203,7 @@ fn errors(response: &Response, own: &Sampling) -> anyhow::Result<Vec<Errors>> {
 fn settings(own: &Sampling, rule: PercentileRule, level: f64) -> Sampling {
     Sampling {
         percentile: Some(rule),
-        level: Some(level),
+        level,
         control: ControlVariate::None,
         coefficients: WearCoefficients::Independent,
         group: None,

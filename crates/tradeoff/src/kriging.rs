@@ -1,8 +1,7 @@
 //! The cost of kriging models of the percentile, and their errors at held-out designs.
 
-use ::kriging::{Data, Kernel, Method, Response, Settings, Surrogate, Trend, smoothed_noise};
+use ::kriging::{Data, Kernel, Method, Nugget, Response, Settings, Surrogate, Trend};
 use anyhow::{Context as _, bail};
-use campaign::file::Noise;
 use campaign::formulation::{Design, Problem};
 use rand::seq::SliceRandom as _;
 use stats::streams::{Purpose, stream};
@@ -97,7 +96,7 @@ pub(crate) fn run(
         training.len(),
         held_out.len()
     ));
-    let own = problem.campaign().kriging.settings(seed)?;
+    let own = problem.campaign().kriging.settings(seed);
     let mut kernels = Kernel::ALL.to_vec();
     kernels.retain(|kernel| match size {
         Size::Full => true,
@@ -155,7 +154,7 @@ fn settings(own: &Settings, kernel: Kernel, method: Method, response: Response) 
     settings.fit.kernel = kernel;
     if method == Method::Vecchia {
         settings.fit.trend = Trend::Constant;
-        settings.fit.nugget = false;
+        settings.fit.nugget = Nugget::Known;
     }
     settings
 }
@@ -215,13 +214,10 @@ fn measured(
     let y: Vec<f64> = rows.iter().map(|row| row.percentile).collect();
     let own: Vec<f64> = rows.iter().map(|row| row.percentile_variance).collect();
     let start = process_seconds();
-    let noise_variance = match campaign.kriging.noise {
-        Noise::Own => own,
-        Noise::Smoothed => {
-            let freedom = campaign.sampling.degrees_of_freedom();
-            smoothed_noise(&x, d, &own, freedom, campaign.seed)?
-        }
-    };
+    let samples = vec![f64::from(campaign.sampling.samples_per_design); own.len()];
+    let freedom = campaign.sampling.degrees_of_freedom();
+    let noise = settings.noise;
+    let noise_variance = noise.variances(&x, d, own, &samples, freedom, campaign.seed)?;
     let data = Data {
         x: &x,
         d,

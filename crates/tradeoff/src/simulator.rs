@@ -282,7 +282,7 @@ impl Measured {
             values.extend([median(errors), quantile(errors, 0.95)]);
         }
         Row {
-            panel: model.name().to_owned(),
+            panel: model.to_string(),
             method: method.to_owned(),
             setting: format!("{} × {}", grid[0], grid[1]),
             is_campaign,

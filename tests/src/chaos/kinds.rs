@@ -137,7 +137,6 @@ fn law(shipped: String, is_shipped: bool) -> String {
         return shipped;
     }
     let text = change(&shipped, "\"whole-face-beam\"", "\"hertz-beam\"");
-    let text = change(&text, "law = \"signed\"", "law = \"archard\"");
     change(&text, "coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5")
 }
 

@@ -1,10 +1,9 @@
 //! Warnings about values that are valid but doubtful, mostly because of a wrong unit.
 
-use gear::Size;
+use gear::{Size, Wear, WearLaw};
 
 use super::{
-    FrozenSection, GearSections, HELIX_ANGLE, Material, ROOT_RADII, Setting, TIP_RADII, Wear,
-    gear_size,
+    FrozenSection, GearSections, HELIX_ANGLE, Material, ROOT_RADII, Setting, TIP_RADII, gear_size,
 };
 
 /// A larger modulus was probably given in MPa. Tungsten carbide has about 650 GPa.
@@ -31,10 +30,12 @@ pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) 
              {most} mm"
         ));
     }
-    if let Some(depth) = wear.max_depth_um.filter(|depth| *depth > DEEPEST_WEAR_UM) {
+    if let WearLaw::Archard { max_depth_um } = wear.law
+        && max_depth_um > DEEPEST_WEAR_UM
+    {
         warnings.push(format!(
-            "wear.max_depth_um is {depth} µm, which is {} mm: wear is usually a few micrometres deep",
-            depth * 1e-3
+            "wear.max_depth_um is {max_depth_um} µm, which is {} mm: wear is usually a few micrometres deep",
+            max_depth_um * 1e-3
         ));
     }
     warnings
@@ -105,7 +106,7 @@ fn modules(
         Setting::Free(range) => *range,
         Setting::Fixed(shift) => [*shift; 2],
         // A mate's shift follows only if the module is given, which returned above.
-        Setting::Tied | Setting::Follows => match settings[0] {
+        Setting::Relation(_) => match settings[0] {
             Setting::Free(range) => range,
             _ => [0.0; 2],
         },

@@ -6,31 +6,26 @@ use gear::Rack;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use super::sections::parse_name;
-use super::validate::Source;
+use super::validate::{Invalid, Source};
 
 /// `[bounds]`: the values that each variable may take, for both gears together or for each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
-    /// A standard rack, instead of tool addendum, tool dedendum and root radius; see [`gear::Rack`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub rack: Option<String>,
+    /// A standard rack, instead of tool addendum, tool dedendum and root radius.
+    pub rack: Option<Rack>,
     /// Addendum modification coefficient, modules.
     pub profile_shift: OfGears,
     /// Tool addendum, modules.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tool_addendum: Option<OfGears>,
     /// Tool dedendum, modules.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tool_dedendum: Option<OfGears>,
     /// Tip rounding radius, in modules of the design.
     pub tip_radius_modules: OfGears,
     /// Root fillet radius, in modules of the design.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_radius_modules: Option<OfGears>,
     /// Helix angle, degrees.
-    pub helix_angle_deg: Written,
+    pub helix_angle_deg: Setting,
 }
 
 /// The values of one kind of variable, for both gears together or for each.
@@ -41,7 +36,7 @@ pub struct Bounds {
 )]
 pub enum OfGears {
     /// The same for both gears, each of which has a value of its own.
-    Both(Written),
+    Both(Setting),
     /// Separate values for each gear.
     Each(Each),
 }
@@ -51,15 +46,15 @@ pub enum OfGears {
 #[serde(deny_unknown_fields)]
 pub struct Each {
     /// The pinion's.
-    pub pinion: Written,
+    pub pinion: Setting,
     /// The mate's.
-    pub mate: Written,
+    pub mate: Setting,
 }
 
-/// The values of a variable of one gear, as written in the file.
+/// The values that a variable of one gear may take.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected [low, high] or a number")]
-pub enum Written {
+pub enum Setting {
     /// Free within `[low, high]`.
     Free([f64; 2]),
     /// Fixed to a number.
@@ -72,19 +67,6 @@ pub enum Written {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Relation {
-    /// Equal to the pinion's variable.
-    Tied,
-    /// The profile shift that results from module and centre distance.
-    Follows,
-}
-
-/// The values that a variable of one gear may take.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum Setting {
-    /// Free within `[low, high]`.
-    Free([f64; 2]),
-    /// Fixed to a number.
-    Fixed(f64),
     /// Equal to the pinion's variable.
     Tied,
     /// The profile shift that results from module and centre distance.
@@ -108,13 +90,10 @@ pub struct FrozenSection {
     /// The source of the values.
     pub from: FrozenFrom,
     /// Tip rounding radii of pinion and mate, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_radius_mm: Option<[f64; 2]>,
     /// Root fillet radii of pinion and mate, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_radius_mm: Option<[f64; 2]>,
     /// Helix angle, degrees.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub helix_angle_deg: Option<f64>,
 }
 
@@ -143,16 +122,9 @@ impl Bounds {
     ///
     /// Never for a validated section, which has either a rack or its keys.
     pub(crate) fn settings(&self) -> [Setting; HELIX_ANGLE + 1] {
-        let rack = self.rack.as_ref().map(|name| {
-            let rack: Rack = name.parse().expect("validation has parsed this name");
-            rack
-        });
         let of_rack = |written: Option<OfGears>, of: fn(&Rack) -> f64| {
-            let fixed = || {
-                OfGears::Both(Written::Fixed(of(rack
-                    .as_ref()
-                    .expect("a rack or its keys"))))
-            };
+            let rack = || self.rack.expect("validation asks for a rack or its keys");
+            let fixed = || OfGears::Both(Setting::Fixed(of(&rack())));
             written.unwrap_or_else(fixed).settings()
         };
         let [a, b] = self.profile_shift.settings();
@@ -160,7 +132,7 @@ impl Bounds {
         let [e, f] = of_rack(self.tool_dedendum, Rack::dedendum);
         let [g, h] = self.tip_radius_modules.settings();
         let [i, j] = of_rack(self.root_radius_modules, Rack::root_radius);
-        [a, b, c, d, e, f, g, h, i, j, self.helix_angle_deg.setting()]
+        [a, b, c, d, e, f, g, h, i, j, self.helix_angle_deg]
     }
 
     /// Validates the section. `sizes_given` says whether both module and centre distance are given.
@@ -170,22 +142,19 @@ impl Bounds {
             (DEDENDUM, self.tool_dedendum),
             (ROOT, self.root_radius_modules),
         ];
-        if let Some(name) = &self.rack {
-            parse_name::<Rack>(source, "bounds.rack", name)?;
-        }
         for ((key, limits), written) in optional {
-            match (written, &self.rack) {
+            match (written, self.rack) {
                 (Some(written), None) => written.validate(source, key, limits)?,
                 (None, Some(_)) => {}
                 (Some(written), Some(rack)) => {
                     return Err(source.refuse(
                         key,
-                        format_args!("{}", shown(&written)),
-                        format!("absent beside bounds.rack: {rack} says it"),
+                        written,
+                        format!("absent beside bounds.rack: \"{rack}\" gives it"),
                     ));
                 }
                 (None, None) => {
-                    return Err(source.refuse(key, "missing", "given, unless bounds.rack is"));
+                    return Err(source.missing(key, "given, unless bounds.rack is"));
                 }
             }
         }
@@ -193,7 +162,7 @@ impl Bounds {
         self.tip_radius_modules.validate(source, TIP.0, TIP.1)?;
         self.helix_angle_deg.validate(source, HELIX.0, HELIX.1)?;
         let settings = self.settings();
-        let follows = |setting: &Setting| matches!(setting, Setting::Follows);
+        let follows = |setting: &Setting| *setting == Setting::Relation(Relation::Follows);
         if let Some(place) = settings
             .iter()
             .position(follows)
@@ -209,42 +178,39 @@ impl Bounds {
         source.require(
             follows(&settings[1]) == sizes_given,
             SHIFT.0,
-            format_args!("{}", shown(&self.profile_shift)),
+            self.profile_shift,
             "{ pinion = …, mate = \"follows\" } where pair.normal_module_mm and \
              pair.centre_distance_mm are both given, as the sum of the profile shifts follows from them, \
              and only there",
         )?;
         let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
-        source.require(
-            settings.iter().any(is_free),
+        if settings.iter().any(is_free) {
+            return Ok(());
+        }
+        Err(source.error(Invalid::in_words(
             "bounds",
-            "nothing",
-            "at least one variable with [low, high]",
-        )
+            "without a free variable",
+            "a section with at least one variable with [low, high]",
+        )))
     }
-}
-
-/// A value as JSON on one line, for messages.
-fn shown(written: &impl Serialize) -> String {
-    serde_json::to_string(written).expect("numbers and names serialise")
 }
 
 impl OfGears {
     /// The settings of pinion and mate.
     pub(crate) fn settings(&self) -> [Setting; 2] {
         match self {
-            Self::Both(written) => [written.setting(); 2],
-            Self::Each(each) => [each.pinion.setting(), each.mate.setting()],
+            Self::Both(setting) => [*setting; 2],
+            Self::Each(each) => [each.pinion, each.mate],
         }
     }
 
     fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
         match self {
-            Self::Both(written) => written.validate(source, key, limits),
+            Self::Both(setting) => setting.validate(source, key, limits),
             Self::Each(Each { pinion, mate }) => {
                 pinion.validate(source, key, limits)?;
                 match mate {
-                    Written::Relation(_) => Ok(()),
+                    Setting::Relation(_) => Ok(()),
                     mate => mate.validate(source, key, limits),
                 }
             }
@@ -252,16 +218,7 @@ impl OfGears {
     }
 }
 
-impl Written {
-    pub(crate) const fn setting(self) -> Setting {
-        match self {
-            Self::Free(range) => Setting::Free(range),
-            Self::Fixed(value) => Setting::Fixed(value),
-            Self::Relation(Relation::Tied) => Setting::Tied,
-            Self::Relation(Relation::Follows) => Setting::Follows,
-        }
-    }
-
+impl Setting {
     /// Requires a value that is valid for a variable other than the mate's.
     fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
         let [low, high] = limits;
@@ -270,7 +227,7 @@ impl Written {
             Self::Fixed(value) => source.within(key, value, low, high, ""),
             Self::Relation(_) => Err(source.refuse(
                 key,
-                format_args!("{}", shown(&self)),
+                self,
                 "[low, high] or a number: only the mate of { pinion = …, mate = … } can be \
                  \"tied\" or \"follows\"",
             )),
@@ -282,11 +239,8 @@ impl FrozenSection {
     /// Only free variables can be frozen.
     pub(super) fn validate(&self, source: Source<'_>, bounds: &Bounds) -> Result<(), FileError> {
         let settings = bounds.settings();
-        let require_free = |key: &str, found: &dyn std::fmt::Debug, settings: &[Setting]| {
-            let free = |setting: &Setting| matches!(setting, Setting::Free(_));
-            let expected = "absent where bounds leave nothing of it free";
-            source.require(settings.iter().all(free), key, found, expected)
-        };
+        let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
+        let expected = "absent where bounds leave nothing of it free";
         type Check<'a> = fn(Source<'a>, &str, f64) -> Result<(), FileError>;
         let radii: [(_, _, _, Check<'_>); 2] = [
             (
@@ -307,12 +261,13 @@ impl FrozenSection {
             radii
                 .iter()
                 .try_for_each(|radius| check(source, key, *radius))?;
-            require_free(key, &radii, &settings[places])?;
+            let are_free = settings[places].iter().all(is_free);
+            source.require(are_free, key, radii, expected)?;
         }
         if let Some(angle) = self.helix_angle_deg {
             let key = "frozen.helix_angle_deg";
             source.helix_angle(key, angle)?;
-            require_free(key, &angle, &settings[HELIX_ANGLE..])?;
+            source.require(is_free(&settings[HELIX_ANGLE]), key, angle, expected)?;
         }
         Ok(())
     }

@@ -1,11 +1,11 @@
 //! The campaign file.
 
-use serde::de::DeserializeOwned;
 use serde::{Serialize, Serializer};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::validate::Source;
-use super::written::{ExternalFile, GearFile, Peek, Written};
+use super::form::Form;
+use super::validate::{Invalid, Source};
 use super::{
     ControlVariate, Doe, Enrichment, ExternalSections, FileError, GearSections, Kriging, Optimise,
     Sampling, SimulatorKind, SimulatorSection, Verify, WearCoefficients,
@@ -47,7 +47,7 @@ pub enum Kind {
 
 impl Serialize for Campaign {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        Written::from(self.clone()).serialize(to)
+        Form::from(self.clone()).serialize(to)
     }
 }
 
@@ -101,24 +101,22 @@ impl Campaign {
             .is_some_and(|sections| sections.report.compare_with_paper)
     }
 
-    /// The parsed campaign, not validated.
-    pub(crate) fn as_written(source: Source<'_>) -> Result<Self, FileError> {
-        // If the text is not TOML, parsing the whole form reports the error.
-        let kind = toml::from_str(source.text).map_or(None, |Peek { kind }| kind);
-        let (format, this) = match kind.as_deref() {
-            None | Some("gear") => source.parse::<GearFile>()?.into(),
-            Some("external") => source.parse::<ExternalFile>()?.into(),
-            Some(other) => {
-                return Err(source.refuse("kind", other, "\"gear\" or \"external\""));
-            }
-        };
-        let known = Self::FORMAT;
-        source.require(
-            format == known,
-            "format",
-            format,
-            &format!("{known}, the version this program reads"),
-        )?;
+    /// Parses and validates `text`; `file` names it in errors.
+    ///
+    /// A file with a tolerance has no settings yet: [`CampaignFile`](crate::accuracy::CampaignFile) chooses them.
+    ///
+    /// # Errors
+    ///
+    /// The error names the line, the fault and the valid values.
+    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
+        let source = Source { file, text };
+        let form = Form::parse(source)?;
+        if let Some(tolerance_um) = form.tolerance_um() {
+            let expected = "absent from a file whose settings are chosen";
+            return Err(source.refuse("accuracy.tolerance_um", tolerance_um, expected));
+        }
+        let this = Self::from(form);
+        this.validate(source)?;
         Ok(this)
     }
 
@@ -175,23 +173,34 @@ impl Campaign {
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();
         }
-        // A tolerance is compared by what it chooses.
-        if let (Some(ours), Some(held)) = (same.gears_mut(), held.gears())
-            && ours.grid() == held.grid()
-        {
-            ours.accuracy = held.accuracy;
-        }
         grows && enriches && same == *held
     }
 
-    /// The campaign as JSON, for the protocol.
+    /// The keys of the file with their values; those without a value are left out.
     ///
     /// # Panics
     ///
     /// Never: every field is a number, a name or a list of these.
+    pub(super) fn to_value(&self) -> Value {
+        fn without_nulls(value: &mut Value) {
+            match value {
+                Value::Object(keys) => {
+                    keys.retain(|_, value| !value.is_null());
+                    keys.values_mut().for_each(without_nulls);
+                }
+                Value::Array(values) => values.iter_mut().for_each(without_nulls),
+                _ => {}
+            }
+        }
+        let mut value = serde_json::to_value(self).expect("plain numbers and names serialise");
+        without_nulls(&mut value);
+        value
+    }
+
+    /// The campaign as JSON, for the protocol and for external programs.
     #[must_use]
     pub fn to_json(&self) -> String {
-        serde_json::to_string(self).expect("plain numbers and names serialise")
+        self.to_value().to_string()
     }
 
     /// Reads the JSON written by [`Campaign::to_json`].
@@ -200,17 +209,7 @@ impl Campaign {
     ///
     /// The text is not a campaign of this version.
     pub fn from_json(json: &str) -> Result<Self, serde_json::Error> {
-        fn read<T: DeserializeOwned + Into<(u32, Campaign)>>(
-            json: &str,
-        ) -> Result<Campaign, serde_json::Error> {
-            let (_, campaign) = serde_json::from_str::<T>(json)?.into();
-            Ok(campaign)
-        }
-        let Peek { kind } = serde_json::from_str(json)?;
-        match kind.as_deref() {
-            Some("external") => read::<ExternalFile>(json),
-            _ => read::<GearFile>(json),
-        }
+        Form::from_json(json).map(Self::from)
     }
 
     /// Advice about settings that are valid but doubtful.
@@ -311,7 +310,7 @@ impl Campaign {
         if self.gears().is_some() && self.is_external() {
             let expected = "absent when simulator.kind is \"external\": the coordinator evaluates the \
                             constraints of thousands of candidates itself, with the built-in model";
-            return Err(source.refuse("enrichment", "present", expected));
+            return Err(source.error(Invalid::in_words("enrichment", "present", expected)));
         }
         source.require(
             self.sampling.coefficients == WearCoefficients::Independent,

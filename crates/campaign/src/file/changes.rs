@@ -9,17 +9,12 @@ const SHOWN: usize = 60;
 
 impl Campaign {
     /// The keys in which this campaign differs from `held`, in alphabetical order and with both
-    /// values: `sampling.level: 0.9 there, 0.95 here`. A key with its default value may be reported
-    /// as not given.
-    ///
-    /// # Panics
-    ///
-    /// Never: a campaign is plain numbers and names.
+    /// values: `sampling.level: 0.9 there, 0.95 here`.
     #[must_use]
     pub fn changes_from(&self, held: &Self) -> Vec<String> {
-        let tree = |campaign: &Self| serde_json::to_value(campaign).expect("plain data serialise");
         let mut changes = Vec::new();
-        compare("", Some(&tree(held)), Some(&tree(self)), &mut changes);
+        let (held, ours) = (held.to_value(), self.to_value());
+        compare("", Some(&held), Some(&ours), &mut changes);
         changes
     }
 }

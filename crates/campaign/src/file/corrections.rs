@@ -1,10 +1,10 @@
 //! `[corrections]`: profile corrections, as design variables of a campaign or as values of a pair.
 
+use gear::ReliefShape;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use super::sections::parse_name;
-use super::validate::Source;
+use super::validate::{Invalid, Source};
 
 /// `[corrections]`, optional: `[low, high]` of each kind of profile correction. The campaign itself
 /// does not correct flanks; `coordinator corrections` designs with and without corrections.
@@ -12,16 +12,12 @@ use super::validate::Source;
 #[serde(deny_unknown_fields)]
 pub struct CorrectionsSection {
     /// Amount of tip relief in µm, normal to the flank at the end of contact; for both gears.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_um: Option<[f64; 2]>,
     /// Length of the relieved part in mm, along the path of contact; for both gears.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_length_mm: Option<[f64; 2]>,
-    /// Shape of the relief; see [`gear::ReliefShape`]. Linear if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tip_relief_shape: Option<String>,
+    /// Shape of the relief; `"linear"` if absent.
+    pub tip_relief_shape: Option<ReliefShape>,
     /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crowning_um: Option<[f64; 2]>,
 }
 
@@ -32,32 +28,23 @@ impl CorrectionsSection {
         };
         amount("corrections.tip_relief_um", self.tip_relief_um)?;
         amount("corrections.crowning_um", self.crowning_um)?;
-        source.require(
-            self.tip_relief_um.is_some() || self.crowning_um.is_some(),
-            "corrections",
-            "empty",
-            "a section with tip_relief_um, crowning_um or both",
-        )?;
+        if self.tip_relief_um.is_none() && self.crowning_um.is_none() {
+            return Err(source.error(Invalid::in_words(
+                "corrections",
+                "empty",
+                "a section with tip_relief_um, crowning_um or both",
+            )));
+        }
         relief_keys(
             source,
             self.tip_relief_um.is_some(),
             self.tip_relief_length_mm,
-            self.tip_relief_shape.as_deref(),
+            self.tip_relief_shape,
         )?;
         self.tip_relief_length_mm.map_or(Ok(()), |range| {
             let [low, high] = RELIEF_LENGTH_MM;
             source.ordered("corrections.tip_relief_length_mm", range, low, high)
         })
-    }
-
-    /// The shape of the relief.
-    ///
-    /// # Panics
-    ///
-    /// Never for a validated section: the name was parsed before.
-    #[must_use]
-    pub fn shape(&self) -> gear::ReliefShape {
-        relief_shape(self.tip_relief_shape.as_deref())
     }
 }
 
@@ -66,16 +53,12 @@ impl CorrectionsSection {
 #[serde(deny_unknown_fields)]
 pub struct PairCorrections {
     /// Amounts of tip relief in µm, normal to the flank at the end of contact. Zero means none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_um: Option<[f64; 2]>,
     /// Lengths of the relieved parts in mm, along the path of contact.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_relief_length_mm: Option<[f64; 2]>,
-    /// Shape of the relief on both gears; see [`gear::ReliefShape`]. Linear if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tip_relief_shape: Option<String>,
+    /// Shape of the relief on both gears; `"linear"` if absent.
+    pub tip_relief_shape: Option<ReliefShape>,
     /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub crowning_um: Option<f64>,
 }
 
@@ -86,7 +69,7 @@ impl PairCorrections {
             source,
             self.tip_relief_um.is_some(),
             self.tip_relief_length_mm,
-            self.tip_relief_shape.as_deref(),
+            self.tip_relief_shape,
         )?;
         let amounts = self.tip_relief_um.unwrap_or_default();
         let lengths = self.tip_relief_length_mm.unwrap_or_default();
@@ -116,21 +99,17 @@ impl PairCorrections {
         Some(Self {
             tip_relief_um: of(|relief| 1e3 * relief.amount),
             tip_relief_length_mm: of(|relief| relief.length),
-            tip_relief_shape: given.map(|relief| relief.shape.to_string()),
+            tip_relief_shape: given.map(|relief| relief.shape),
             crowning_um: Some(1e3 * corrections.crowning).filter(|crowning| *crowning > 0.0),
         })
     }
 
     /// The corrections as the simulator's input, in mm.
-    ///
-    /// # Panics
-    ///
-    /// Never for a validated section: the name of the shape was parsed before.
     #[must_use]
     pub fn to_gear(&self) -> gear::Corrections {
         let amounts = self.tip_relief_um.unwrap_or_default();
         let lengths = self.tip_relief_length_mm.unwrap_or_default();
-        let shape = relief_shape(self.tip_relief_shape.as_deref());
+        let shape = self.tip_relief_shape.unwrap_or_default();
         let crowning = self.crowning_um.unwrap_or_default() * 1e-3;
         let none = gear::Corrections::default().with_crowning(crowning);
         gear::Member::BOTH.into_iter().fold(none, |all, member| {
@@ -163,12 +142,12 @@ fn relief_keys(
     source: Source<'_>,
     relieved: bool,
     length: Option<[f64; 2]>,
-    shape: Option<&str>,
+    shape: Option<ReliefShape>,
 ) -> Result<(), FileError> {
     let key = "corrections.tip_relief_length_mm";
     match (relieved, length) {
         (true, None) => {
-            return Err(source.refuse(key, "missing", "given when tip_relief_um is"));
+            return Err(source.missing(key, "given when tip_relief_um is"));
         }
         (false, Some(length)) => {
             return Err(source.refuse(key, length, "absent without tip_relief_um"));
@@ -177,15 +156,7 @@ fn relief_keys(
     }
     let Some(shape) = shape else { return Ok(()) };
     let key = "corrections.tip_relief_shape";
-    source.require(relieved, key, shape, "absent without tip_relief_um")?;
-    parse_name::<gear::ReliefShape>(source, key, shape).map(drop)
-}
-
-/// The shape with this name, which was validated before; linear without a name.
-fn relief_shape(name: Option<&str>) -> gear::ReliefShape {
-    name.map_or(gear::ReliefShape::Linear, |name| {
-        name.parse().expect("validation has parsed this name")
-    })
+    source.require(relieved, key, shape, "absent without tip_relief_um")
 }
 
 #[cfg(test)]
@@ -209,12 +180,12 @@ mod tests {
     #[test]
     fn sections_that_make_no_sense_are_refused_by_key() {
         for (section, why) in [
-            ("", "corrections is \"empty\""),
+            ("", "corrections is empty"),
             ("crowning_um = [5.0, 0.0]", "corrections.crowning_um"),
             ("crowning_um = [-1.0, 5.0]", "corrections.crowning_um"),
             (
                 "tip_relief_um = [0.0, 9.0]",
-                "tip_relief_length_mm is \"missing\"",
+                "tip_relief_length_mm is missing",
             ),
             (
                 "tip_relief_um = [0.0, 9.0]\ntip_relief_length_mm = [0.0, 2.0]",
@@ -227,7 +198,7 @@ mod tests {
             (
                 "tip_relief_um = [0.0, 9.0]\ntip_relief_length_mm = [0.1, 2.0]\n\
                  tip_relief_shape = \"round\"",
-                "linear, parabolic",
+                "corrections.tip_relief_shape is \"round\", but must be \"linear\" or \"parabolic\"",
             ),
             ("crowning = [0.0, 5.0]", "unknown field"),
         ] {

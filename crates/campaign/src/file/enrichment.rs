@@ -109,7 +109,7 @@ mod tests {
             (
                 "criterion = \"expected-quantile-improvement\"",
                 "criterion = \"luck\"",
-                "criterion: unknown variant `luck`",
+                "enrichment.criterion is \"luck\"",
             ),
             ("rounds = 100 ", "turns = 100 ", "turns"),
             ("rounds = 100 ", "", "missing field `rounds`"),
@@ -124,7 +124,7 @@ mod tests {
             .replace("control = \"linearised\"", "control = \"none\"")
             + "\n[simulator]\nkind = \"external\"\n";
         let message = Campaign::parse("c.toml", &text).unwrap_err().to_string();
-        assert!(message.contains("enrichment is \"present\""), "{message}");
+        assert!(message.contains("enrichment is present"), "{message}");
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub struct VariableSection {
     /// The name that the program uses.
     pub name: String,
     /// Its unit; empty for a number without one.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(default)]
     pub unit: String,
     /// Lower bound.
     pub low: f64,
@@ -41,13 +41,11 @@ pub struct ConstraintSection {
     /// The name that the program uses.
     pub name: String,
     /// Its unit; empty for a number without one.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(default)]
     pub unit: String,
     /// Smallest valid value.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min: Option<f64>,
     /// Largest valid value.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max: Option<f64>,
 }
 
@@ -58,7 +56,7 @@ pub struct ResponseSection {
     /// The name that the program uses.
     pub name: String,
     /// Its unit; empty for a number without one.
-    #[serde(default, skip_serializing_if = "String::is_empty")]
+    #[serde(default)]
     pub unit: String,
     /// Whether small or large values are preferred.
     #[serde(default)]
@@ -167,12 +165,10 @@ impl ExternalSections {
             let section = format!("constraints[{}]", index + 1);
             named(&section, &constraint.name, &constraint.unit)?;
             let limits = [("min", constraint.min), ("max", constraint.max)];
-            source.require(
-                limits.iter().any(|(_, limit)| limit.is_some()),
-                &format!("{section}.max"),
-                "missing",
-                "given, or min, or both",
-            )?;
+            if limits.iter().all(|(_, limit)| limit.is_none()) {
+                let key = format!("{section}.max");
+                return Err(source.missing(&key, "given, or min, or both"));
+            }
             for (key, limit) in limits {
                 source.require(
                     limit.is_none_or(f64::is_finite),

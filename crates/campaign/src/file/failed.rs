@@ -23,12 +23,6 @@ pub enum FailedSamples {
     QuarantinesDesign,
 }
 
-impl FailedSamples {
-    pub(super) fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
 impl Sampling {
     /// Whether a failed sample is a result, which is stored.
     #[must_use]

@@ -4,11 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
-use super::sections::parse_name;
-use super::validate::Source;
+use super::validate::{Invalid, Source};
 use super::{
-    Accuracy, Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Wear,
-    advice,
+    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, advice,
+    wear,
 };
 
 /// The sections that only gear campaigns have.
@@ -21,7 +20,7 @@ pub struct GearSections {
     /// `[material]`
     pub material: Material,
     /// `[wear]`
-    pub wear: Wear,
+    pub wear: gear::Wear,
     /// `[manufacture]`
     pub manufacture: Option<Manufacture>,
     /// `[bounds]`
@@ -36,8 +35,8 @@ pub struct GearSections {
     pub report: Report,
     /// `[corrections]`
     pub corrections: Option<CorrectionsSection>,
-    /// `[accuracy]`
-    pub accuracy: Option<Accuracy>,
+    /// `[accuracy]`: the simulator's grid.
+    pub grid: gear::Discretisation,
 }
 
 /// The penalised objective (5) of the paper.
@@ -59,25 +58,21 @@ pub struct Pair {
     pub pinion_teeth: u32,
     /// Gear ratio: the mate has ⌊pinion teeth / ratio⌋ teeth (the paper's (4)). Either this or
     /// `gear_teeth` is given.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gear_ratio: Option<f64>,
     /// Number of teeth of the mate.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gear_teeth: Option<u32>,
     /// Centre distance, mm. This or the module is given, or both.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_mm: Option<f64>,
     /// Normal module, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_mm: Option<f64>,
     /// Rack pressure angle in the normal section, degrees.
     pub pressure_angle_deg: f64,
     /// Face width, mm.
     pub face_width_mm: f64,
-    /// Compliance model; see [`gear::ToothModel`].
-    pub tooth_model: String,
-    /// Treatment of a tip that reaches the mate's root; see [`gear::TipRule`].
-    pub tip_rule: String,
+    /// Compliance model.
+    pub tooth_model: gear::ToothModel,
+    /// Treatment of a tip that reaches the mate's root.
+    pub tip_rule: gear::TipRule,
 }
 
 /// `[report]`
@@ -97,13 +92,6 @@ impl Penalty {
 }
 
 impl GearSections {
-    /// The simulator's grid.
-    #[must_use]
-    pub fn grid(&self) -> gear::Discretisation {
-        self.accuracy
-            .map_or_else(gear::Discretisation::default, |accuracy| accuracy.grid())
-    }
-
     /// Advice about settings that are valid but doubtful.
     pub(super) fn warnings(&self) -> Vec<String> {
         let face_width_mm = self.pair.face_width_mm;
@@ -116,9 +104,7 @@ impl GearSections {
         self.pair.validate(source)?;
         self.load.validate(source)?;
         self.material.validate(source)?;
-        self.wear.validate(source)?;
-        self.manufacture
-            .map_or(Ok(()), |section| section.validate(source))?;
+        wear::validate(&self.wear, source)?;
         self.constraints.validate(source)?;
         let pair = &self.pair;
         let sizes_given = pair.centre_distance_mm.is_some() && pair.normal_module_mm.is_some();
@@ -126,12 +112,17 @@ impl GearSections {
         if let Some(frozen) = &self.frozen {
             frozen.validate(source, &self.bounds)?;
         }
-        if let Some(accuracy) = &self.accuracy {
-            accuracy.validate(source, is_external)?;
+        accuracy::validate(&self.grid, source)?;
+        if is_external && self.grid != gear::Discretisation::default() {
+            return Err(source.error(Invalid::in_words(
+                "accuracy",
+                "present",
+                "absent where a program simulates: it is the grid of the built-in model",
+            )));
         }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;
-            let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam.name();
+            let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam;
             source.require(
                 !whole_face || corrections.crowning_um.is_none(),
                 "corrections.crowning_um",
@@ -199,18 +190,11 @@ impl Pair {
                 ));
             }
             (None, None) => {
-                return Err(source.refuse(
-                    "pair.gear_ratio",
-                    "missing",
-                    "given, unless gear_teeth is",
-                ));
+                return Err(source.missing("pair.gear_ratio", "given, unless gear_teeth is"));
             }
         }
         sizes(source, self.centre_distance_mm, self.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", self.pressure_angle_deg)?;
-        source.length("pair.face_width_mm", self.face_width_mm)?;
-        parse_name::<gear::ToothModel>(source, "pair.tooth_model", &self.tooth_model)?;
-        parse_name::<gear::TipRule>(source, "pair.tip_rule", &self.tip_rule)?;
-        Ok(())
+        source.length("pair.face_width_mm", self.face_width_mm)
     }
 }

@@ -1,87 +1,34 @@
 //! The section `[kriging]` of the campaign file.
 
-use kriging::{Estimator, FitOptions, Method, Response, Settings, Trend};
+use kriging::{Estimator, FitOptions, Kernel, Method, Noise, Nugget, Response, Settings, Trend};
 use serde::{Deserialize, Serialize};
 
-use super::sections::parse_name;
 use super::validate::Source;
 use super::{FileError, Sampling};
 
 /// `[kriging]`: the model of the percentile. An enrichment takes `kernel` and `noise` for its own models, and
 /// none of the other keys.
-// Every key but the first is left out of the digest when it has its default.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Kriging {
-    /// Covariance function; see [`kriging::Kernel`].
-    pub kernel: String,
+    /// Covariance function.
+    pub kernel: Kernel,
     /// Whether predictions use all designs or only the nearest ones.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub method: Method,
     /// Whether the parameters maximise the likelihood or the posterior.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub estimator: Estimator,
     /// The trend of the response.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub trend: Trend,
     /// The source of the known noise variances.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub noise: Noise,
     /// Whether a noise variance is estimated in addition to the known ones.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub nugget: Nugget,
     /// Whether predicted variances are scaled to the leave-one-out residuals.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub calibrate: bool,
     /// Whether the response or its logarithm is modelled.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub response: Response,
     /// Numbers, from 0, of designs that are excluded from the fit.
-    #[serde(default, skip_serializing_if = "is_default")]
     pub leave_out: Vec<u32>,
-}
-
-/// The source of a response's noise variance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Noise {
-    /// The variance from the design's own samples, as in the paper.
-    #[default]
-    Own,
-    /// A variance smoothed over the designs, which hardly depends on the error of the design's own
-    /// response.
-    Smoothed,
-}
-
-/// Whether a further noise variance is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Nugget {
-    /// Only the variance of each design's percentile.
-    #[default]
-    Known,
-    /// One more variance, the same for all designs, is estimated and added.
-    Estimated,
-}
-
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
-}
-
-impl Default for Kriging {
-    fn default() -> Self {
-        Self {
-            kernel: kriging::Kernel::default().to_string(),
-            method: Method::default(),
-            estimator: Estimator::default(),
-            trend: Trend::default(),
-            noise: Noise::default(),
-            nugget: Nugget::default(),
-            calibrate: false,
-            response: Response::default(),
-            leave_out: Vec::new(),
-        }
-    }
 }
 
 impl Kriging {
@@ -97,7 +44,6 @@ impl Kriging {
             self.noise,
             "\"own\" beside sampling.precision_um, which gives designs different numbers of samples",
         )?;
-        parse_name::<kriging::Kernel>(source, "kriging.kernel", &self.kernel)?;
         if self.method == Method::Vecchia {
             source.require(
                 self.trend == Trend::Constant,
@@ -119,24 +65,21 @@ impl Kriging {
     /// differ only in these keys have the same samples.
     pub(super) fn without_choices(&self) -> Self {
         Self {
-            kernel: self.kernel.clone(),
+            kernel: self.kernel,
             ..Self::default()
         }
     }
 
     /// The settings of the fit.
-    ///
-    /// # Errors
-    ///
-    /// Never for a validated section: the kernel's name was parsed before.
-    pub fn settings(&self, seed: u64) -> Result<Settings, kriging::Error> {
-        Ok(Settings {
+    #[must_use]
+    pub fn settings(&self, seed: u64) -> Settings {
+        Settings {
             fit: FitOptions {
-                kernel: self.kernel.parse()?,
+                kernel: self.kernel,
                 estimator: self.estimator,
                 seed,
                 trend: self.trend,
-                nugget: self.nugget == Nugget::Estimated,
+                nugget: self.nugget,
                 calibrate: self.calibrate,
                 // If the model is no better than noise, its optimum would be a matter of luck.
                 refuse_no_structure: true,
@@ -144,7 +87,8 @@ impl Kriging {
             },
             method: self.method,
             response: self.response,
-        })
+            noise: self.noise,
+        }
     }
 }
 
@@ -161,7 +105,7 @@ mod tests {
     #[test]
     fn every_key_reaches_the_fit() {
         let campaign = with(
-            "method = \"exact\"\nestimator = \"posterior-mode\"\ntrend = \"linear\"\nnugget = \"estimated\"\n\
+            "method = \"exact\"\nestimator = \"posterior-mode\"\ntrend = \"linear\"\nnugget = \"estimated\"\nnoise = \"smoothed\"\n\
              calibrate = true\nresponse = \"log\"\nleave_out = [7, 2999]",
         )
         .unwrap();
@@ -169,10 +113,12 @@ mod tests {
             fit,
             method,
             response,
-        } = campaign.kriging.settings(5).unwrap();
+            noise,
+        } = campaign.kriging.settings(5);
         assert_eq!((method, response), (Method::Exact, Response::Log));
         assert_eq!(fit.estimator, Estimator::PosteriorMode);
-        assert_eq!((fit.trend, fit.nugget), (Trend::Linear, true));
+        assert_eq!((fit.trend, fit.nugget), (Trend::Linear, Nugget::Estimated));
+        assert_eq!(noise, Noise::Smoothed);
         assert_eq!((fit.calibrate, fit.seed), (true, 5));
         assert_eq!(campaign.kriging.leave_out, [7, 2999]);
     }
@@ -184,7 +130,6 @@ mod tests {
         assert_eq!(logarithm.values_digest(), paper.values_digest());
         assert!(logarithm.extends(&paper) && paper.extends(&logarithm));
         assert_ne!(logarithm.digest(), paper.digest());
-        assert!(!paper.to_json().contains("method"), "old digests stay");
     }
 
     #[test]

@@ -11,48 +11,34 @@ use super::{FileError, Material};
 #[serde(deny_unknown_fields)]
 pub struct GearLimits {
     /// Lower limit of the total contact ratio ε_α + ε_β, exclusive.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact_ratio_min: Option<f64>,
     /// Lower limit of the transverse contact ratio ε_α, exclusive.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub transverse_contact_ratio_min: Option<f64>,
     /// Upper limit of the largest absolute specific sliding, exclusive.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub specific_sliding_max: Option<f64>,
     /// Upper limit of the largest contact pressure in MPa, exclusive. The material's
     /// `hertz_limit_mpa` if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hertz_pressure_max_mpa: Option<f64>,
     /// Upper limit of the root stresses in MPa, exclusive. The material's `yield_mpa` if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_stress_max_mpa: Option<f64>,
     /// Smallest clearance between a tip and the mate's root, in normal modules. Zero if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_clearance_min_modules: Option<f64>,
     /// Smallest thickness of a tooth at its tip circle in the normal section, in normal modules.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_land_min_modules: Option<f64>,
     /// Smallest length of involute between the fillet and the active flank, in mm along the path of
     /// contact. Zero if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flank_margin_min_mm: Option<f64>,
     /// Smallest nominal root safety S_F of ISO 6336; see [`gear::rating`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub root_safety_min: Option<f64>,
     /// Smallest nominal flank safety S_H of ISO 6336; see [`gear::rating`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flank_safety_min: Option<f64>,
     /// Smallest normal module, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_min_mm: Option<f64>,
     /// Largest normal module, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_max_mm: Option<f64>,
     /// Smallest centre distance, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_min_mm: Option<f64>,
     /// Largest centre distance, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_max_mm: Option<f64>,
 }
 

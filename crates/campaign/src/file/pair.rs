@@ -4,9 +4,8 @@ use gear::{PairInput, Size};
 use serde::{Deserialize, Serialize};
 
 use super::corrections::{PairCorrections, WITHOUT_CROWNING};
-use super::sections::parse_name;
 use super::validate::Source;
-use super::{FileError, GearLimits, GearSections, Load, Manufacture, Material, Wear, advice};
+use super::{FileError, GearLimits, GearSections, Load, Manufacture, Material, advice, wear};
 use crate::formulation::GearVariables;
 
 #[cfg(test)]
@@ -23,17 +22,14 @@ pub struct PairFile {
     /// `[material]`
     pub material: Material,
     /// `[wear]`, optional.
-    #[serde(default)]
-    pub wear: Wear,
+    #[serde(default = "wear::default", with = "wear")]
+    pub wear: gear::Wear,
     /// `[manufacture]`, optional. Without it the gears have no slope deviations.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub manufacture: Option<Manufacture>,
     /// `[corrections]`, optional. Without it the flanks are as cut by the tools.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrections: Option<PairCorrections>,
     /// `[constraints]`, optional. Without it the limits are those of the material, and no
     /// interference.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constraints: Option<GearLimits>,
 }
 
@@ -44,10 +40,8 @@ pub struct PairSection {
     /// Numbers of teeth.
     pub teeth: [u32; 2],
     /// Centre distance, mm. Without it the pair has no backlash, and without the module neither.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_distance_mm: Option<f64>,
     /// Normal module, mm. With both, the profile shifts are as given and the backlash follows.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub normal_module_mm: Option<f64>,
     /// Rack pressure angle in the normal section, degrees.
     pub pressure_angle_deg: f64,
@@ -66,22 +60,13 @@ pub struct PairSection {
     /// Root fillet radius ρf, mm.
     pub root_radius_mm: [f64; 2],
     /// Tip diameters that override those of the tools, mm.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_diameter_mm: Option<[f64; 2]>,
-    /// Compliance model; see [`gear::ToothModel`]. `weber-banaschek` if absent.
-    #[serde(default = "default_tooth_model")]
-    pub tooth_model: String,
-    /// Treatment of a tip that reaches the mate's root; see [`gear::TipRule`].
-    #[serde(default = "default_tip_rule")]
-    pub tip_rule: String,
-}
-
-fn default_tooth_model() -> String {
-    gear::ToothModel::WeberBanaschek.to_string()
-}
-
-fn default_tip_rule() -> String {
-    gear::TipRule::AsCut.to_string()
+    /// Compliance model.
+    #[serde(default)]
+    pub tooth_model: gear::ToothModel,
+    /// Treatment of a tip that reaches the mate's root.
+    #[serde(default)]
+    pub tip_rule: gear::TipRule,
 }
 
 impl PairFile {
@@ -120,12 +105,12 @@ impl PairFile {
                 tip_radius_mm: design.tip_radius_mm,
                 root_radius_mm: design.root_radius_mm,
                 tip_diameter_mm: None,
-                tooth_model: pair.tooth_model.clone(),
-                tip_rule: pair.tip_rule.clone(),
+                tooth_model: pair.tooth_model,
+                tip_rule: pair.tip_rule,
             },
             load: sections.load,
             material: sections.material,
-            wear: sections.wear.clone(),
+            wear: sections.wear,
             manufacture: sections.manufacture,
             corrections: None,
             constraints: Some(sections.constraints),
@@ -165,13 +150,9 @@ impl PairFile {
                 source.length("pair.tip_diameter_mm", diameters[gear])?;
             }
         }
-        parse_name::<gear::ToothModel>(source, "pair.tooth_model", &pair.tooth_model)?;
-        parse_name::<gear::TipRule>(source, "pair.tip_rule", &pair.tip_rule)?;
         self.load.validate(source)?;
         self.material.validate(source)?;
-        self.wear.validate(source)?;
-        self.manufacture
-            .map_or(Ok(()), |section| section.validate(source))?;
+        wear::validate(&self.wear, source)?;
         if let Some(constraints) = &self.constraints {
             constraints.validate(source)?;
         }
@@ -189,7 +170,7 @@ impl PairFile {
         let sections = self.corrections.as_ref();
         let crowning_um = sections.and_then(|c| c.crowning_um).unwrap_or_default();
         let crowned = crowning_um > 0.0;
-        let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam.name();
+        let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam;
         source.require(
             !(crowned && whole_face),
             "corrections.crowning_um",
@@ -217,13 +198,13 @@ impl PairFile {
     /// The flank class of both gears, if the file gives one.
     #[must_use]
     pub fn flank_class(&self) -> Option<gear::FlankClass> {
-        self.manufacture.and_then(|section| section.to_gear())
+        self.manufacture.map(|section| section.flank_class)
     }
 
     /// A sampler of random flanks of the file's pair, with its wear and its flank class.
     #[must_use]
     pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
-        pair.sampler_of_class(&self.wear.to_gear(), self.flank_class())
+        pair.sampler_of_class(&self.wear, self.flank_class())
     }
 
     /// The limits that the file gives, all absent without `[constraints]`.
@@ -242,7 +223,7 @@ impl PairFile {
     ///
     /// # Panics
     ///
-    /// Never for a validated file: names and sizes were checked before.
+    /// Never for a validated file, which gives a size.
     #[must_use]
     pub fn to_gear(&self) -> PairInput {
         let pair = &self.pair;
@@ -266,14 +247,8 @@ impl PairFile {
             tip_diameter: pair
                 .tip_diameter_mm
                 .map_or([None; 2], |diameters| diameters.map(Some)),
-            tooth_model: pair
-                .tooth_model
-                .parse()
-                .expect("validation has parsed this name"),
-            tip_rule: pair
-                .tip_rule
-                .parse()
-                .expect("validation has parsed this name"),
+            tooth_model: pair.tooth_model,
+            tip_rule: pair.tip_rule,
             pinion_torque: self.load.pinion_torque_nm * 1e3,
             material: self.material.to_gear(),
         }
@@ -295,9 +270,8 @@ pub(super) fn sizes(
     if centre_distance_mm.or(normal_module_mm).is_some() {
         return Ok(());
     }
-    Err(source.refuse(
+    Err(source.missing(
         "pair.centre_distance_mm",
-        "missing",
         "given, unless normal_module_mm is",
     ))
 }

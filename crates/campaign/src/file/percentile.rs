@@ -11,22 +11,16 @@ const CONFIDENCE: f64 = 0.95;
 
 impl Sampling {
     /// The level of the paper's percentile.
-    const LEVEL: f64 = 0.9;
+    pub(super) const LEVEL: f64 = 0.9;
 
     /// The level of the percentile: the share of the samples below it.
     #[must_use]
     pub fn level(&self) -> f64 {
-        let level = self.level.unwrap_or(Self::LEVEL);
         match self.counts_above {
             // 1 − 0.9 is not 0.1 to the last bit.
-            true => ((1.0 - level) * 1e9).round() / 1e9,
-            false => level,
+            true => ((1.0 - self.level) * 1e9).round() / 1e9,
+            false => self.level,
         }
-    }
-
-    /// Whether a level is the paper's. Such a file is the same campaign as one without a level.
-    pub(super) fn is_papers_level(level: &Option<f64>) -> bool {
-        level.is_none_or(|level| level == Self::LEVEL)
     }
 
     /// The name of the percentile: P90, P99.5.

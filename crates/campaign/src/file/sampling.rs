@@ -7,50 +7,50 @@ use super::validate::Source;
 use super::{Aim, FailedSamples, FileError};
 
 /// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
-// Absent keys are left out of the digest, so that files without a new key keep theirs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
     /// Number k of response samples per simulable design. With a precision, the size of the first
     /// batch.
-    /// Absent beside `[accuracy] tolerance_um`, which chooses it.
+    /// Left out beside `accuracy.tolerance_um`, which chooses it.
     #[serde(default)]
     pub samples_per_design: u32,
     /// Target standard error of P90, in µm: each design gets samples until it is reached.
-    #[serde(default, alias = "precision", skip_serializing_if = "Option::is_none")]
+    #[serde(alias = "precision")]
     pub precision_um: Option<f64>,
     /// Maximum number of samples of a design, with a precision.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_max: Option<u32>,
     /// Constraint violation, summed as in the paper's (5), above which a design gets no samples;
     /// see [`Sampling::skip_violation`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub skip_violation: Option<f64>,
-    /// Level of the percentile, from 0.001 to 0.999; 0.9 if absent. Of a response that is maximised it is the
-    /// share of the samples above the percentile: 0.9 stands for P10.
-    #[serde(default, skip_serializing_if = "Sampling::is_papers_level")]
-    pub level: Option<f64>,
+    /// Level of the percentile, from 0.001 to 0.999. Of a response that is maximised it is the share of the
+    /// samples above the percentile: 0.9 stands for P10.
+    #[serde(default = "papers_level")]
+    pub level: f64,
     /// The estimator of the percentile; [`Sampling::rule_of_percentile`] if absent.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub percentile: Option<PercentileRule>,
     /// Control variate that reduces the variance of the percentile.
-    #[serde(default, skip_serializing_if = "ControlVariate::is_default")]
+    #[serde(default)]
     pub control: ControlVariate,
     /// The scheme by which the wear of a design's samples is drawn.
-    #[serde(default, skip_serializing_if = "WearCoefficients::is_default")]
+    #[serde(default)]
     pub coefficients: WearCoefficients,
     /// Number of samples in each sequence of quasi-random coefficients; see
     /// [`Sampling::coefficients`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub group: Option<u32>,
     /// What a sample means that fails for good, or is answered with `refused`, NaN or infinity; only with
     /// an external simulator.
-    #[serde(default, skip_serializing_if = "FailedSamples::is_default")]
+    #[serde(default)]
     pub failed: FailedSamples,
     /// Whether the response is maximised, so that its level counts the samples above the percentile. It
     /// follows from `[response] aim`.
     #[serde(skip)]
     pub counts_above: bool,
+}
+
+/// The level of the paper's percentile.
+const fn papers_level() -> f64 {
+    Sampling::LEVEL
 }
 
 /// The dependence between the coefficients (Karhunen–Loève) of the random wear of a design's
@@ -68,12 +68,6 @@ pub enum WearCoefficients {
     QuasiRandom,
 }
 
-impl WearCoefficients {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
 /// A response with known distribution that correlates with the samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -85,12 +79,6 @@ pub enum ControlVariate {
     /// costs two analyses per coefficient, about 26 per design, and explains nearly all of a sample's
     /// variance, so the percentile from 30 samples is as good as one from thousands.
     Linearised,
-}
-
-impl ControlVariate {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
 }
 
 /// The estimator of the percentile of a design of the DoE or an infill point. `coordinator tradeoff` measures
@@ -196,7 +184,7 @@ impl Sampling {
         let plain = self.control == ControlVariate::None;
         let rule = self.rule_of_percentile();
         source.require(
-            is_external || self.failed.is_default(),
+            is_external || self.failed == FailedSamples::default(),
             "sampling.failed",
             self.failed,
             "absent where the built-in model simulates, which never fails",
@@ -227,14 +215,12 @@ impl Sampling {
             4,
             1_000_000,
         )?;
-        if let Some(level) = self.level {
-            source.require(
-                (0.001..=0.999).contains(&level),
-                "sampling.level",
-                level,
-                "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
-            )?;
-        }
+        source.require(
+            (0.001..=0.999).contains(&self.level),
+            "sampling.level",
+            self.level,
+            "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
+        )?;
         if let Some(precision) = self.precision_um {
             source.positive("sampling.precision_um", precision)?;
         }
@@ -335,10 +321,6 @@ mod tests {
     #[test]
     fn a_campaign_without_the_new_keys_is_what_it_was() {
         let campaign = parse("").unwrap();
-        assert_eq!(
-            serde_json::to_string(&campaign.sampling).unwrap(),
-            r#"{"samples_per_design":30}"#
-        );
         assert_eq!(campaign.sampling.rule(), None);
         assert_eq!(campaign.sampling.skip_violation(), None);
         assert_eq!(campaign.sampling.samples_max(), 30);
@@ -402,15 +384,15 @@ mod tests {
             ),
             (
                 "coefficients = \"antithetic\"\ncontrol = \"linearised\"",
-                "sampling.coefficients is Antithetic",
+                "sampling.coefficients is \"antithetic\"",
             ),
             (
                 "coefficients = \"antithetic\"\nprecision_um = 0.1",
-                "sampling.coefficients is Antithetic",
+                "sampling.coefficients is \"antithetic\"",
             ),
             (
                 "coefficients = \"antithetic\"\npercentile = \"chosen\"",
-                "sampling.coefficients is Antithetic",
+                "sampling.coefficients is \"antithetic\"",
             ),
             ("precision_um = 0.0", "sampling.precision_um is 0.0"),
             ("samples_max = 50", "sampling.samples_max is 50"),
@@ -422,11 +404,11 @@ mod tests {
             ("percentile = \"median\"", "percentile"),
             (
                 "precision_um = 0.1\ncontrol = \"linearised\"",
-                "sampling.precision_um is Some(0.1)",
+                "sampling.precision_um is 0.1",
             ),
             (
                 "percentile = \"chosen\"\ncontrol = \"linearised\"",
-                "sampling.percentile is Chosen",
+                "sampling.percentile is \"chosen\"",
             ),
         ] {
             let error = parse(text).unwrap_err();

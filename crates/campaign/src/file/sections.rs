@@ -15,66 +15,12 @@ pub struct Load {
     pub pinion_torque_nm: f64,
 }
 
-/// `[wear]`
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Wear {
-    /// The law of the mean wear.
-    // The default is left out of the digest, so that files without the key keep theirs.
-    #[serde(default, skip_serializing_if = "WearLaw::is_default")]
-    pub law: WearLaw,
-    /// Largest depth of Archard's profile per flank, in µm; only with that law.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub max_depth_um: Option<f64>,
-    /// Depth per pressure and sliding, in 1/MPa; only with the signed law.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coefficient_per_mpa: Option<f64>,
-    /// Covariance of the random field; see [`gear::Kernel`].
-    pub kernel: String,
-    /// Range of the random field, rad of roll angle.
-    pub range_rad: f64,
-    /// Variance of the random field, whose mean is 1.
-    pub variance: f64,
-}
-
-/// The law of the mean wear; see [`gear::WearLaw`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum WearLaw {
-    /// Material is removed wherever the flanks slide, to the same greatest depth on every pair.
-    #[default]
-    Archard,
-    /// The depth has the sign of the sliding velocity, and one coefficient holds for all pairs, as in the
-    /// paper.
-    Signed,
-}
-
-impl WearLaw {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-}
-
 /// `[manufacture]`, optional. Without it flanks are as designed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manufacture {
-    /// Flank tolerance class of both gears by ISO 1328-1, from 1 to 11; see [`gear::FlankClass`].
-    pub flank_class: u32,
-}
-
-impl Default for Wear {
-    /// Archard's law with the paper's random field.
-    fn default() -> Self {
-        Self {
-            law: WearLaw::Archard,
-            max_depth_um: Some(3.5),
-            coefficient_per_mpa: None,
-            kernel: gear::Kernel::SquaredExponential.to_string(),
-            range_rad: 0.2,
-            variance: 0.01,
-        }
-    }
+    /// Flank tolerance class of both gears by ISO 1328-1, from 1, the finest, to 11.
+    pub flank_class: gear::FlankClass,
 }
 
 impl Load {
@@ -84,85 +30,14 @@ impl Load {
 }
 
 impl Manufacture {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        let (finest, coarsest) = (gear::FlankClass::FINEST, gear::FlankClass::COARSEST);
-        source.count(
-            "manufacture.flank_class",
-            self.flank_class,
-            finest,
-            coarsest,
-        )
-    }
-
     /// The random effects besides the wear, and the neglected ones, in words.
     #[must_use]
     pub fn describe(&self) -> String {
         format!(
             "flank class {} of ISO 1328-1: profile slopes deviate at random, alike on all teeth of a \
              gear; no pitch, form or helix deviations, no dynamics",
-            self.flank_class
+            self.flank_class.number()
         )
-    }
-
-    /// The simulator's class; `None` for an invalid number.
-    #[must_use]
-    pub fn to_gear(&self) -> Option<gear::FlankClass> {
-        gear::FlankClass::new(self.flank_class)
-    }
-}
-
-impl Wear {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        self.law(source)?;
-        parse_name::<gear::Kernel>(source, "wear.kernel", &self.kernel)?;
-        source.within("wear.range_rad", self.range_rad, 1e-6, 1e6, "rad")?;
-        source.within("wear.variance", self.variance, 0.0, 1e3, "")
-    }
-
-    /// The simulator's law. Each law requires its own number and refuses the other's.
-    fn law(&self, source: Source<'_>) -> Result<gear::WearLaw, FileError> {
-        let depth = ("wear.max_depth_um", self.max_depth_um);
-        let coefficient = ("wear.coefficient_per_mpa", self.coefficient_per_mpa);
-        let (own, other, name) = match self.law {
-            WearLaw::Archard => (depth, coefficient, "archard"),
-            WearLaw::Signed => (coefficient, depth, "signed"),
-        };
-        if let Some(found) = other.1 {
-            return Err(source.refuse(other.0, found, format!("absent when law is \"{name}\"")));
-        }
-        let Some(value) = own.1 else {
-            return Err(source.refuse(own.0, "missing", format!("given when law is \"{name}\"")));
-        };
-        Ok(match self.law {
-            WearLaw::Archard => {
-                source.within(own.0, value, 0.0, 1e6, "µm")?;
-                let max_depth = value * 1e-3;
-                gear::WearLaw::Archard { max_depth }
-            }
-            WearLaw::Signed => {
-                source.within(own.0, value, 0.0, 1.0, "1/MPa")?;
-                gear::WearLaw::Signed { coefficient: value }
-            }
-        })
-    }
-
-    /// The simulator's wear, in mm and rad.
-    ///
-    /// # Panics
-    ///
-    /// Never for a validated section: law and kernel were parsed before.
-    #[must_use]
-    pub fn to_gear(&self) -> gear::Wear {
-        let nowhere = Source { file: "", text: "" };
-        gear::Wear {
-            law: self.law(nowhere).expect("validation has read this law"),
-            kernel: self
-                .kernel
-                .parse()
-                .expect("validation has parsed this name"),
-            range: self.range_rad,
-            variance: self.variance,
-        }
     }
 }
 
@@ -184,20 +59,20 @@ pub struct SimulatorSection {
     /// The simulator; the built-in model if the section is absent.
     pub kind: SimulatorKind,
     /// Number of designs that an external program simulates when a worker starts, to verify that
-    /// all workers run the same program; see [`SimulatorSection::probe_designs`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// all workers run the same program; 3 if absent. With 0 only the version that the program reports counts,
+    /// which is meant for simulations that take very long.
     pub probe_designs: Option<u32>,
     /// Number of times that a failing request is tried before its failure is final; 3 if absent. An
     /// attempt counts only if the program answers something else in between.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub attempts: Option<u32>,
     /// How long, in seconds, everything may fail before the campaign goes on without what fails; 60
     /// if absent. A shorter outage, such as of a licence server, costs nothing but time.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub retry_s: Option<f64>,
 }
 
 impl SimulatorSection {
+    /// The most designs behind a model digest.
+    pub const MAX_PROBE_DESIGNS: u32 = 12;
     /// Default number of designs behind the model digest.
     const PROBE_DESIGNS: u32 = 3;
     /// Default of [`SimulatorSection::attempts`].
@@ -205,9 +80,7 @@ impl SimulatorSection {
     /// Default of [`SimulatorSection::retry_s`].
     const RETRY_S: f64 = 60.0;
 
-    /// Number of designs behind the model digest of an external program. With 0 the digest depends
-    /// only on the version that the program reports; this is meant for simulations that take very
-    /// long.
+    /// Number of designs behind the model digest of an external program.
     #[must_use]
     pub fn probe_designs(&self) -> u32 {
         self.probe_designs.unwrap_or(Self::PROBE_DESIGNS)
@@ -232,11 +105,6 @@ impl SimulatorSection {
         self
     }
 
-    /// Whether the section has the same effect as its absence.
-    pub(super) fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
-
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         if let Some(attempts) = self.attempts {
             source.count("simulator.attempts", attempts, 1, 1000)?;
@@ -256,7 +124,7 @@ impl SimulatorSection {
             let key = format!("simulator.{key}");
             return Err(source.refuse(&key, found, "absent: it is for kind = \"external\""));
         }
-        let most = crate::probe::DESIGNS;
+        let most = Self::MAX_PROBE_DESIGNS;
         self.probe_designs.map_or(Ok(()), |found| {
             source.require(
                 found <= most,
@@ -266,14 +134,4 @@ impl SimulatorSection {
             )
         })
     }
-}
-
-/// Parses a name such as a kernel's. The error lists the valid names.
-pub(super) fn parse_name<T>(source: Source<'_>, key: &str, name: &str) -> Result<T, FileError>
-where
-    T: std::str::FromStr,
-    T::Err: std::fmt::Display,
-{
-    name.parse()
-        .map_err(|error: T::Err| source.refuse(key, name, format!("a known name: {error}")))
 }

@@ -1,5 +1,6 @@
 //! Sections of all kinds of campaign: DoE, optimiser and verification.
 
+use cmaes::Restarts;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
@@ -11,32 +12,9 @@ use super::validate::Source;
 pub struct Doe {
     /// Number n of designs.
     pub designs: u32,
-    /// The kind of design; see [`doe::Method`].
-    // The default is left out of the digest, so that files without the key keep theirs.
-    #[serde(
-        default,
-        with = "doe_method",
-        skip_serializing_if = "doe_method::is_default"
-    )]
+    /// The kind of design.
+    #[serde(default)]
     pub method: doe::Method,
-}
-
-/// Serialises a kind of design by its name.
-mod doe_method {
-    use doe::Method;
-    use serde::{Deserialize as _, Deserializer, Serializer, de::Error as _};
-
-    pub(super) fn serialize<S: Serializer>(method: &Method, to: S) -> Result<S::Ok, S::Error> {
-        to.collect_str(method)
-    }
-
-    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Method, D::Error> {
-        String::deserialize(from)?.parse().map_err(D::Error::custom)
-    }
-
-    pub(super) fn is_default(method: &Method) -> bool {
-        *method == Method::default()
-    }
 }
 
 /// `[optimise]`: the settings of CMA-ES.
@@ -54,34 +32,14 @@ pub struct Optimise {
     /// How a search that has stopped restarts.
     pub restarts: Restarts,
     /// Number of evaluations after which the search restarts from its best point whatever its
-    /// state; only with [`Restarts::FromBest`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// state; given with `"from-best"` and only then.
     pub restart_at: Option<u32>,
     /// Number of independent runs.
     pub starts: u32,
     /// Whether a further approach optimises the sampled percentile itself, without a model: each
     /// feasible design gets as many samples as a design of the DoE.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
     pub direct: bool,
-}
-
-/// The restart strategy of the optimiser; see [`cmaes::Restarts`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Restarts {
-    /// From the best point so far, with the same population, as in the paper.
-    #[default]
-    FromBest,
-    /// From a random point with twice the population.
-    Ipop,
-    /// Alternately with twice the population, and with a small population and a short step.
-    Bipop,
-}
-
-impl Restarts {
-    pub(super) fn is_default(&self) -> bool {
-        *self == Self::default()
-    }
 }
 
 impl Optimise {
@@ -96,13 +54,8 @@ impl Optimise {
                 ..cmaes::Options::new(bounds)
             },
             evaluations: self.evaluations as usize,
-            restarts: match self.restarts {
-                Restarts::FromBest => cmaes::Restarts::FromBest {
-                    planned: self.restart_at.unwrap_or(0) as usize,
-                },
-                Restarts::Ipop => cmaes::Restarts::Ipop,
-                Restarts::Bipop => cmaes::Restarts::Bipop,
-            },
+            restarts: self.restarts,
+            restart_at: self.restart_at.map(|at| at as usize),
         }
     }
 }
@@ -112,11 +65,9 @@ impl Optimise {
 #[serde(deny_unknown_fields)]
 pub struct Verify {
     /// Number of verification samples at each optimum.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples: Option<u32>,
     /// Half the width of the 95 % interval that is aimed at, relative to the percentile: the first
     /// [`Verify::PILOT`] samples of an optimum tell how many it takes.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_width: Option<f64>,
 }
 
@@ -243,11 +194,7 @@ impl Optimise {
         match (self.restarts, self.restart_at) {
             (Restarts::FromBest, Some(at)) => count(key, at, 1, self.evaluations)?,
             (Restarts::FromBest, None) => {
-                return Err(source.refuse(
-                    key,
-                    "missing",
-                    "given, unless restarts is \"ipop\" or \"bipop\"",
-                ));
+                return Err(source.missing(key, "given, unless restarts is \"ipop\" or \"bipop\""));
             }
             (_, Some(at)) => {
                 return Err(source.refuse(

@@ -1,4 +1,4 @@
-//! Helpers that report an invalid value with its file, line and key.
+//! Invalid values, and where in its file each is.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,81 @@ use serde::de::DeserializeOwned;
 
 use super::FileError;
 
-/// A file being validated: its name, and its text for finding the line of an error.
+/// An invalid value, whose place in the file is not known yet.
+///
+/// A section that is deserialised through another type returns it as its error. [`Source::parse`] recognises the
+/// text and finds the line.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{key} is {found}, but must be {expected}")]
+pub(crate) struct Invalid {
+    key: String,
+    found: String,
+    expected: String,
+}
+
+impl Invalid {
+    /// The value `found` of `key`, which has its section before it.
+    pub(super) fn new(key: &str, found: &impl Serialize, expected: impl Into<String>) -> Self {
+        Self::in_words(key, shown(found), expected)
+    }
+
+    /// The absence of `key`.
+    pub(super) fn missing(key: &str, expected: impl Into<String>) -> Self {
+        Self::in_words(key, "missing", expected)
+    }
+
+    /// Something about `key` that is described instead of shown.
+    pub(super) fn in_words(
+        key: &str,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self {
+            key: key.to_owned(),
+            found: found.into(),
+            expected: expected.into(),
+        }
+    }
+
+    /// The invalid value that the text of an error states.
+    fn of_text(text: &str) -> Option<Self> {
+        let (key, rest) = text.split_once(" is ")?;
+        let (found, expected) = rest.split_once(", but must be ")?;
+        let is_key = key
+            .chars()
+            .all(|c| c.is_ascii_alphanumeric() || "_.[]".contains(c));
+        is_key.then(|| Self::in_words(key, found, expected))
+    }
+
+    /// The unknown name that the text of an error states, as the value of `key`.
+    fn of_unknown_name(key: &str, text: &str) -> Option<Self> {
+        let rest = text.strip_prefix("unknown variant `")?;
+        let (name, expected) = rest.split_once("`, expected ")?;
+        Some(Self::new(key, &name, expected.replace('`', "\"")))
+    }
+}
+
+/// A value as TOML.
+fn shown(value: &impl Serialize) -> String {
+    fn of(value: &toml::Value) -> String {
+        match value {
+            // With an exponent where the number is very small or large.
+            toml::Value::Float(number) => format!("{number:?}").to_lowercase(),
+            toml::Value::Array(values) => {
+                let values: Vec<String> = values.iter().map(of).collect();
+                format!("[{}]", values.join(", "))
+            }
+            other => other.to_string(),
+        }
+    }
+    match toml::Value::try_from(value) {
+        Ok(value) => of(&value),
+        // A number that TOML cannot hold.
+        Err(_) => serde_json::to_string(value).unwrap_or_default(),
+    }
+}
+
+/// A file that is parsed and validated: its name, and its text, in which the line of an error is found.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Source<'a> {
     pub(crate) file: &'a str,
@@ -20,6 +94,9 @@ impl Source<'_> {
             Ok(parsed) => return self.whole(parsed),
             Err(error) => error,
         };
+        if let Some(invalid) = self.invalid(&first) {
+            return Err(invalid);
+        }
         let mut found = vec![explained(self.text, &first)];
         let mut rest = without_unknown(self.text, &first);
         // The parser stops at the first unknown key, so the next one is found after removing it.
@@ -46,6 +123,22 @@ impl Source<'_> {
         })
     }
 
+    /// The error as an invalid value, if it is one.
+    fn invalid(self, error: &toml::de::Error) -> Option<FileError> {
+        let (line, _) = place(self.text, error);
+        let here = key_at(self.text, line);
+        if let Some(mut invalid) = Invalid::of_text(error.message()) {
+            if invalid.key.contains('.') {
+                return Some(self.error(invalid));
+            }
+            // A value that does not know its section.
+            invalid.key = here.unwrap_or(invalid.key);
+            return Some(self.error_at(line + 1, invalid));
+        }
+        let invalid = Invalid::of_unknown_name(&here?, error.message())?;
+        Some(self.error_at(line + 1, invalid))
+    }
+
     /// Refuses lists with more values than are read, since the parser silently ignores the rest.
     fn whole<T: Serialize>(self, parsed: T) -> Result<T, FileError> {
         let written = toml::from_str::<toml::Table>(self.text);
@@ -61,8 +154,9 @@ impl Source<'_> {
                     && found > kept
                 {
                     let key = format!("{section}.{key}");
-                    let found = format_args!("a list of {found} values");
-                    return Err(self.refuse(&key, found, format!("a list of {kept}")));
+                    let found = format!("a list of {found} values");
+                    let expected = format!("a list of {kept}");
+                    return Err(self.error(Invalid::in_words(&key, found, expected)));
                 }
             }
         }
@@ -78,17 +172,29 @@ impl Source<'_> {
     ) -> Result<(), FileError> {
         let file = toml::from_str::<toml::Table>(self.text).unwrap_or_default();
         let given = file.get(section).and_then(toml::Value::as_table);
-        let given = given.into_iter().flatten();
-        match given
-            .into_iter()
-            .find(|(key, _)| keys.contains(&key.as_str()))
-        {
+        let mut given = given.into_iter().flatten();
+        match given.find(|(key, _)| keys.contains(&key.as_str())) {
             Some((key, value)) => Err(self.refuse(
                 &format!("{section}.{key}"),
-                format_args!("{value}"),
+                value,
                 format!("left out beside {chooser}"),
             )),
             None => Ok(()),
+        }
+    }
+
+    /// The error for an invalid value.
+    pub(crate) fn error(self, invalid: Invalid) -> FileError {
+        self.error_at(self.line_of(&invalid.key), invalid)
+    }
+
+    fn error_at(self, line: usize, invalid: Invalid) -> FileError {
+        FileError::Value {
+            file: self.file.to_owned(),
+            line,
+            key: invalid.key,
+            found: invalid.found,
+            expected: invalid.expected,
         }
     }
 
@@ -96,23 +202,22 @@ impl Source<'_> {
     pub(crate) fn refuse(
         self,
         key: &str,
-        found: impl std::fmt::Debug,
+        found: impl Serialize,
         expected: impl Into<String>,
     ) -> FileError {
-        FileError::Value {
-            file: self.file.to_owned(),
-            line: self.line_of(key),
-            key: key.to_owned(),
-            found: format!("{found:?}"),
-            expected: expected.into(),
-        }
+        self.error(Invalid::new(key, &found, expected))
+    }
+
+    /// The error for a key that is not given.
+    pub(super) fn missing(self, key: &str, expected: impl Into<String>) -> FileError {
+        self.error(Invalid::missing(key, expected))
     }
 
     pub(super) fn require(
         self,
         holds: bool,
         key: &str,
-        found: impl std::fmt::Debug,
+        found: impl Serialize,
         expected: &str,
     ) -> Result<(), FileError> {
         if holds {
@@ -142,7 +247,7 @@ impl Source<'_> {
         Err(self.refuse(key, value, expected))
     }
 
-    pub(super) fn positive(self, key: &str, value: f64) -> Result<(), FileError> {
+    pub(crate) fn positive(self, key: &str, value: f64) -> Result<(), FileError> {
         self.between(key, value, 0.0, f64::INFINITY)
     }
 
@@ -233,37 +338,51 @@ impl Source<'_> {
     /// array is `section[2]`.
     fn line_of(self, key: &str) -> usize {
         let (section, name) = key.rsplit_once('.').unwrap_or(("", key));
-        let mut current = String::new();
         let mut fallback = 1;
-        let mut arrays = BTreeMap::new();
-        for (index, line) in self.text.lines().enumerate() {
-            let line = line.trim();
-            let header = |open: &str, close: &str| {
-                let (name, _) = line.strip_prefix(open)?.split_once(close)?;
-                Some(name.trim().to_owned())
-            };
-            if let Some(array) = header("[[", "]]") {
-                let count = arrays.entry(array.clone()).or_insert(0_usize);
-                *count += 1;
-                current = format!("{array}[{count}]");
-                if current == section {
-                    fallback = index + 1;
-                }
-            } else if let Some(table) = header("[", "]") {
-                current = table;
-                if current == section {
-                    fallback = index + 1;
-                }
-            } else if current == section
-                && line
-                    .split_once('=')
-                    .is_some_and(|(left, _)| left.trim() == name)
-            {
-                return index + 1;
+        for (index, (of, key)) in keys(self.text).enumerate() {
+            if of != section {
+                continue;
+            }
+            match key {
+                Some(key) if key == name => return index + 1,
+                // The header.
+                None if fallback == 1 => fallback = index + 1,
+                _ => {}
             }
         }
         fallback
     }
+}
+
+/// The section of each line, and the key that is set there.
+fn keys(text: &str) -> impl Iterator<Item = (String, Option<&str>)> {
+    let mut section = String::new();
+    let mut arrays = BTreeMap::new();
+    text.lines().map(move |line| {
+        let line = line.trim();
+        let header = |open: &str, close: &str| {
+            let (name, _) = line.strip_prefix(open)?.split_once(close)?;
+            Some(name.trim().to_owned())
+        };
+        let key = line.split_once('=').map(|(key, _)| key.trim());
+        if let Some(array) = header("[[", "]]") {
+            let count = arrays.entry(array.clone()).or_insert(0_usize);
+            *count += 1;
+            section = format!("{array}[{count}]");
+        } else if let Some(table) = header("[", "]") {
+            section = table;
+        } else {
+            return (section.clone(), key);
+        }
+        (section.clone(), None)
+    })
+}
+
+/// The key that is set in a line (from 0), with its section.
+fn key_at(text: &str, line: usize) -> Option<String> {
+    let (section, key) = keys(text).nth(line)?;
+    let dot = if section.is_empty() { "" } else { "." };
+    Some(format!("{section}{dot}{}", key?))
 }
 
 /// The line (from 0) and byte at which an error begins.
@@ -275,8 +394,7 @@ fn place(text: &str, error: &toml::de::Error) -> (usize, usize) {
 /// The line (from 0) of an error, and its message.
 fn explained(text: &str, error: &toml::de::Error) -> (usize, String) {
     let (line, _) = place(text, error);
-    let key = text.lines().nth(line).and_then(|line| line.split_once('='));
-    let key = key.map_or_else(String::new, |(key, _)| format!("{}: ", key.trim()));
+    let key = key_at(text, line).map_or_else(String::new, |key| format!("{key}: "));
     let message = error.message().replace('\n', " ");
     (line, key + &in_plain_words(&message))
 }

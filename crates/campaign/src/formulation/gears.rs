@@ -26,8 +26,6 @@ pub use variables::{ALL_VARIABLES, GearVariables, VARIABLE_NAMES};
 pub struct Gears {
     sections: GearSections,
     template: PairInput,
-    wear: gear::Wear,
-    discretisation: Discretisation,
     /// The shape of tip relief, for designs whose variables include it.
     relief_shape: gear::ReliefShape,
 }
@@ -48,21 +46,13 @@ impl Gears {
             tip_radius: [0.0; 2],
             root_radius: [0.1; 2],
             tip_diameter: [None; 2],
-            tooth_model: pair
-                .tooth_model
-                .parse()
-                .expect("validation has parsed this name"),
-            tip_rule: pair
-                .tip_rule
-                .parse()
-                .expect("validation has parsed this name"),
+            tooth_model: pair.tooth_model,
+            tip_rule: pair.tip_rule,
             pinion_torque: sections.load.pinion_torque_nm * 1e3,
             material: sections.material.to_gear(),
         };
         Self {
             template,
-            wear: sections.wear.to_gear(),
-            discretisation: sections.grid(),
             relief_shape: gear::ReliefShape::Linear,
             sections,
         }
@@ -71,21 +61,19 @@ impl Gears {
     /// The flank class of both gears, if the campaign gives one.
     #[must_use]
     pub fn flank_class(&self) -> Option<gear::FlankClass> {
-        self.sections
-            .manufacture
-            .and_then(|section| section.to_gear())
+        self.sections.manufacture.map(|section| section.flank_class)
     }
 
     /// A sampler of random flanks of a pair, with the campaign's wear and its flank class.
     #[must_use]
     pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
-        pair.sampler_of_class(&self.wear, self.flank_class())
+        pair.sampler_of_class(&self.sections.wear, self.flank_class())
     }
 
     /// The wear field.
     #[must_use]
     pub const fn wear(&self) -> &gear::Wear {
-        &self.wear
+        &self.sections.wear
     }
 
     pub(super) const fn set_relief_shape(&mut self, shape: gear::ReliefShape) {
@@ -140,7 +128,7 @@ impl Gears {
     /// The discretisation of pairs.
     #[must_use]
     pub const fn discretisation(&self) -> &Discretisation {
-        &self.discretisation
+        &self.sections.grid
     }
 
     /// The geometry and compliance of a design.
@@ -150,7 +138,7 @@ impl Gears {
     /// The design is not simulable.
     pub fn pair(&self, design: &Design) -> Result<gear::Pair, gear::Error> {
         let input = self.pair_input(design);
-        gear::Pair::with_corrections(&input, &self.corrections(design), &self.discretisation)
+        gear::Pair::with_corrections(&input, &self.corrections(design), &self.sections.grid)
     }
 
     /// The criteria of a pair, with the contact pressure of the relevant analysis, in MPa.

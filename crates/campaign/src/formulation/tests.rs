@@ -205,7 +205,7 @@ fn what_bounds_cannot_be_is_refused_with_its_key() {
         (
             both,
             format!("{HOB}{free}"),
-            "bounds.profile_shift is [0.0,0.5], but must be { pinion = …, mate = \"follows\" }",
+            "bounds.profile_shift is [0.0, 0.5], but must be { pinion = …, mate = \"follows\" }",
         ),
         (
             one,
@@ -245,7 +245,7 @@ fn what_bounds_cannot_be_is_refused_with_its_key() {
         (
             one,
             format!("{rackless}{free}"),
-            "bounds.tool_addendum is \"missing\"",
+            "bounds.tool_addendum is missing",
         ),
         (
             one,

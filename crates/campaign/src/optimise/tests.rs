@@ -1,6 +1,8 @@
+use cmaes::Restarts;
+
 use super::*;
 use crate::Campaign;
-use crate::file::{OfGears, Restarts, Written};
+use crate::file::{OfGears, Setting};
 
 fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
@@ -41,7 +43,7 @@ fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {
     let restarts = |restarts, restart_at| {
         let problem = problem(|campaign| {
             campaign.gears_mut().unwrap().bounds.profile_shift =
-                OfGears::Both(Written::Free([-9.0, -8.0]));
+                OfGears::Both(Setting::Free([-9.0, -8.0]));
             campaign.optimise.evaluations = 4000;
             campaign.optimise.restarts = restarts;
             campaign.optimise.restart_at = restart_at;

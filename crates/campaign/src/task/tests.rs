@@ -55,7 +55,8 @@ fn analysis(problem: &Problem, pair: &gear::Pair, analysis: &gear::Analysis) -> 
 fn a_flank_class_changes_the_samples_alone() {
     let perfect = problem();
     let mut campaign = perfect.campaign().clone();
-    campaign.gears_mut().unwrap().manufacture = Some(crate::file::Manufacture { flank_class: 6 });
+    let flank_class = gear::FlankClass::new(6).unwrap();
+    campaign.gears_mut().unwrap().manufacture = Some(crate::file::Manufacture { flank_class });
     let problem = Problem::new(campaign);
     let source = Source::Design(asked());
     let parts = |problem: &Problem| match compute(problem, &design(2..7), &source).unwrap() {

@@ -104,13 +104,17 @@ fn what_is_wrong_is_named_with_its_line() {
         ("name = \"x2\"", "name = \"x1\"", "no other variable"),
         ("name = \"y\"", "name = \"id\"", "another name"),
         ("name = \"x1\"", "name = \"x 1\"", "variables[1].name"),
-        ("aim = \"minimise\"", "aim = \"least\"", "unknown variant"),
+        (
+            "aim = \"minimise\"",
+            "aim = \"least\"",
+            "response.aim is \"least\"",
+        ),
         ("designs = 150", "designs = 1", "doe.designs is 1"),
         ("[doe]", "[pair]\nteeth = 3\n[doe]", "pair"),
         (
             "[response]",
             "[[constraints]]\nname = \"s\"\n[response]",
-            "constraints[1].max is \"missing\"",
+            "constraints[1].max is missing",
         ),
         (
             "[response]",

@@ -27,7 +27,8 @@ fn planned(bounds: Bounds, evaluations: usize, planned: usize) -> RunOptions {
     RunOptions {
         search: options(bounds),
         evaluations,
-        restarts: Restarts::FromBest { planned },
+        restarts: Restarts::FromBest,
+        restart_at: Some(planned),
     }
 }
 

@@ -14,6 +14,7 @@ fn best(restarts: Restarts, seed: u64) -> f64 {
         search: options(cube(-5.0, 5.0, 6)),
         evaluations: 60_000,
         restarts,
+        restart_at: None,
     };
     let outcome = minimise_run(&[3.3; 6], run, &mut rng(seed), &mut |x: &[f64]| {
         rastrigin(x)
@@ -31,7 +32,7 @@ fn growing_populations_find_the_global_minimum_where_restarts_from_the_best_do_n
         let found = (0..5).filter(|&seed| best(restarts, seed) < 1e-9).count();
         assert!(found >= 4, "{restarts:?} found it with {found} of 5 seeds");
     }
-    let stuck = Restarts::FromBest { planned: 0 };
+    let stuck = Restarts::FromBest;
     assert!((0..5).any(|seed| best(stuck, seed) > 0.5));
 }
 
@@ -44,6 +45,7 @@ fn ipop_doubles_and_bipop_alternates() {
                 search: options(cube(-5.0, 5.0, 6)),
                 evaluations: 40_000,
                 restarts,
+                restart_at: None,
             },
         )
         .unwrap();
@@ -80,6 +82,7 @@ fn a_small_search_of_bipop_has_at_most_half_of_the_last_large_one() {
         search: options(cube(-5.0, 5.0, 2)),
         evaluations: 20_000,
         restarts: Restarts::Bipop,
+        restart_at: None,
     };
     let mut run = Run::new(&[3.3; 2], run_options).unwrap();
     let mut rng = rng(3);

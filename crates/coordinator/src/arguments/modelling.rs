@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use campaign::file::Nugget;
 use clap::Args;
-use kriging::{Estimator, Kernel, Method, Response, Trend};
+use kriging::{Estimator, Kernel, Method, Nugget, Response, Trend};
 use serde::Deserialize;
 use serde::de::IntoDeserializer as _;
 use serde::de::value::{Error, StrDeserializer};
@@ -41,7 +40,7 @@ pub(crate) struct Fit {
 pub(crate) struct How {
     /// matern-5-2, matern-3-2, squared-exponential, exponential, or radial-matern-5-2,
     /// radial-matern-3-2, radial-exponential
-    #[arg(long, value_name = "NAME", default_value_t)]
+    #[arg(long, value_name = "NAME", default_value_t, value_parser = by_name::<Kernel>)]
     pub(crate) kernel: Kernel,
     /// auto, exact (all observations) or vecchia (the nearest ones); auto is exact up to 10 000
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = by_name::<Method>)]

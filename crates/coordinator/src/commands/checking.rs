@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context as _;
+use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use campaign::task::{self, Output, Run, Source};
-use campaign::{Approach, Campaign, accuracy, optimise};
+use campaign::{Approach, optimise};
 use ledger::{Generation, StreamId, Unit};
 use protocol::exit;
 use rand::RngExt as _;
@@ -54,8 +55,10 @@ struct StagePlan {
 
 /// `coordinator check`: validates a campaign file and says what it would do.
 pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
-    let text = read(&arguments.campaign)?;
-    let campaign = Campaign::parse(&arguments.campaign.display().to_string(), &text)?;
+    let file = arguments.campaign.display().to_string();
+    let CampaignFile {
+        campaign, choice, ..
+    } = CampaignFile::parse(&file, &read(&arguments.campaign)?)?;
     let problem = Problem::new(campaign.clone());
     let n = u64::from(campaign.doe.designs);
     let k = u64::from(campaign.sampling.samples_per_design);
@@ -160,7 +163,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
         schema_version: 1,
-        file: arguments.campaign.display().to_string(),
+        file,
         campaign: campaign.name.clone(),
         seed: campaign.seed,
         teeth: campaign.gears().map(|sections| sections.pair.teeth()),
@@ -168,9 +171,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
             .gears()
             .and_then(|sections| sections.manufacture)
             .map(|manufacture| manufacture.describe()),
-        accuracy: accuracy::choice(&campaign)
-            .map_err(anyhow::Error::msg)?
-            .map(|choice| choice.to_string()),
+        accuracy: choice.map(|choice| choice.to_string()),
         core_seconds: stages.iter().map(|stage| stage.core_seconds).sum(),
         stages,
         nothing_to_sample: measured

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::time::Duration;
 
-use campaign::file::Nugget;
 use indicatif::{ProgressBar, ProgressStyle};
 use kriging::{FitOptions, Settings};
 use protocol::exit;
@@ -30,7 +29,7 @@ pub(super) async fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
         variance: arguments.variance.clone(),
         inputs: arguments.inputs.clone(),
         skip_missing: arguments.skip_missing,
-        nugget: how.nugget.map(|nugget| nugget == Nugget::Estimated),
+        nugget: how.nugget,
         settings: Settings {
             fit: FitOptions {
                 kernel: how.kernel,
@@ -42,6 +41,7 @@ pub(super) async fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
             },
             method: how.method,
             response: how.response_scale,
+            ..Settings::default()
         },
     };
     let doing = format!("fitting a model to {} rows", table.len());

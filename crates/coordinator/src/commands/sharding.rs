@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
 use coordinator::board::{self, Board, Room};
@@ -63,7 +64,7 @@ struct Planned {
 
 /// Runs the local steps and writes the remaining jobs as shards, or the report if nothing remains.
 pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
-    let (campaign, text) = campaign_or_paper(Some(&arguments.campaign))?;
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(Some(&arguments.campaign))?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let report = out_folder(arguments.report, &campaign);
     refuse_report_of_another(&report, &campaign, &arguments.db).await?;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use campaign::Campaign;
+use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use coordinator::server::{self, Outcome, Plan};
 use protocol::exit;
@@ -183,7 +184,8 @@ fn usage(error: impl std::fmt::Display) -> Usage {
 
 /// Reads a campaign and refuses one that is not of gears.
 fn parse(file: &Path) -> anyhow::Result<Campaign> {
-    let campaign = Campaign::parse(&file.display().to_string(), &read(file)?)?;
+    let CampaignFile { campaign, .. } =
+        CampaignFile::parse(&file.display().to_string(), &read(file)?)?;
     require_gears(&campaign).map_err(usage)?;
     Ok(campaign)
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use campaign::Campaign;
+use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use protocol::exit;
 use serde::{Deserialize, Serialize};
@@ -47,7 +48,7 @@ struct Stamp {
 
 /// Measures the studies that the folder does not hold yet, and writes the page.
 pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u8> {
-    let (campaign, _) = campaign_or_paper(arguments.campaign.as_deref())?;
+    let CampaignFile { campaign, .. } = campaign_or_paper(arguments.campaign.as_deref())?;
     require_gears(&campaign).map_err(|error| Usage(error.to_string()))?;
     require_built_in(&campaign).map_err(|error| Usage(error.to_string()))?;
     let size = match (arguments.quick, arguments.designs) {

@@ -15,14 +15,14 @@ pub const MATERIAL: Material = Material {
     hertz_limit_mpa: 1550.0,
 };
 
-/// Depth of [`WEAR`] at its deepest place, mm on each flank.
-pub const MAX_DEPTH: f64 = 3.5e-3;
+/// Depth of [`WEAR`] at its deepest place, µm on each flank.
+pub const MAX_DEPTH_UM: f64 = 3.5;
 
 /// The paper's random field on Archard's law. The depth is not printed clearly; of the values
 /// tried, 3.5 µm on each flank fits the tables.
 pub const WEAR: Wear = Wear {
     law: WearLaw::Archard {
-        max_depth: MAX_DEPTH,
+        max_depth_um: MAX_DEPTH_UM,
     },
     kernel: Kernel::SquaredExponential,
     range: 0.2,

@@ -67,7 +67,7 @@ pub struct Score {
 /// Each law of wear with each tooth model and tip rule; depth and coefficient are first guesses.
 pub fn readings() -> impl Iterator<Item = Reading> {
     let laws = [
-        WearLaw::Archard { max_depth: 3.5e-3 },
+        WearLaw::Archard { max_depth_um: 3.5 },
         WearLaw::Signed {
             coefficient: 3.5e-7,
         },
@@ -86,8 +86,8 @@ pub fn readings() -> impl Iterator<Item = Reading> {
 impl std::fmt::Display for Reading {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self.law {
-            WearLaw::Archard { max_depth } => {
-                write!(f, "Archard's law with {:.1} µm per flank", 1e3 * max_depth)?;
+            WearLaw::Archard { max_depth_um } => {
+                write!(f, "Archard's law with {max_depth_um:.1} µm per flank")?;
             }
             WearLaw::Signed { coefficient } => {
                 write!(f, "Signed law with {:.1}e-7/MPa", 1e7 * coefficient)?;
@@ -300,7 +300,7 @@ pub fn markdown(scores: &[Score]) -> String {
     for score in scores {
         let reading = &score.reading;
         let fitted = match reading.law {
-            WearLaw::Archard { max_depth } => format!("{:.1} µm", 1e3 * max_depth),
+            WearLaw::Archard { max_depth_um } => format!("{max_depth_um:.1} µm"),
             WearLaw::Signed { coefficient } => format!("{:.1}", 1e7 * coefficient),
         };
         let groups = [Group::Worn, Group::Scatter, Group::Unworn, Group::Table3];

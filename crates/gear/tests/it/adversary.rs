@@ -229,7 +229,7 @@ pub(crate) fn wear(rng: &mut StreamRng, m: f64) -> Wear {
             }
         } else {
             WearLaw::Archard {
-                max_depth: (m * log_uniform(rng, 1e-6, 1.0)).min(1e3),
+                max_depth_um: (1e3 * m * log_uniform(rng, 1e-6, 1.0)).min(1e6),
             }
         },
         kernel: Kernel::ALL[rng.random_range(0..5)],

@@ -28,9 +28,9 @@ fn a_vanishing_torque_does_not_pull() {
         pinion_torque: f64::MIN_POSITIVE,
         ..crate::support::plain()
     };
-    for worn in [1e-5, 1e-3, 0.1] {
+    for max_depth_um in [0.01, 1.0, 100.0] {
         let wear = Wear {
-            law: WearLaw::Archard { max_depth: worn },
+            law: WearLaw::Archard { max_depth_um },
             ..crate::support::WEAR
         };
         let analysis = crate::support::pair(&input).archard(&wear).analysis;
@@ -68,7 +68,7 @@ fn a_waist_of_rounding_is_severed() {
 #[test]
 fn an_invalid_wear_does_not_panic() {
     let pair = crate::support::pair(&crate::support::plain());
-    for (max_depth, range, variance) in [
+    for (depth, range, variance) in [
         (f64::NAN, 0.2, 0.01),
         (1e-3, 0.0, 0.01),
         (1e-3, f64::NAN, 0.01),
@@ -76,9 +76,9 @@ fn an_invalid_wear_does_not_panic() {
         (1e-3, 0.2, f64::NAN),
         (-1.0, -1.0, -1.0),
     ] {
-        let coefficient = max_depth;
+        let (max_depth_um, coefficient) = (depth, depth);
         for law in [
-            WearLaw::Archard { max_depth },
+            WearLaw::Archard { max_depth_um },
             WearLaw::Signed { coefficient },
         ] {
             let wear = Wear {

@@ -1,6 +1,6 @@
 //! Properties that hold for every correct simulator, on random general pairs.
 
-use gear::paper::{MAX_DEPTH, SIGNED_WEAR};
+use gear::paper::{MAX_DEPTH_UM, SIGNED_WEAR};
 use gear::{
     Discretisation, Member, Pair, PairInput, Size, ToothModel, Wear, WearLaw, gear_outline,
     mesh_placement,
@@ -79,7 +79,7 @@ proptest! {
             let mean = mean(&pair.unworn().ste_um);
             prop_assert!(pair.unworn().delta_ste_um < 1e-9 * mean);
             // Deep enough to separate the ends of the path for some inputs.
-            let deep = WearLaw::Archard { max_depth: 3e-3 * mean };
+            let deep = WearLaw::Archard { max_depth_um: 3.0 * mean };
             for law in [deep, SIGNED_WEAR.law] {
                 let wear = Wear { law, ..WEAR };
                 let worn = pair.archard(&wear).analysis;
@@ -201,7 +201,7 @@ proptest! {
             .fold((f64::MAX, 0.0), |best, (&d, &s)| if d < best.0 { (d, s) } else { best });
         prop_assert!(least < 1e-15 && (at - g.s_pitch).abs() < 1e-12 * g.path_length);
         let deepest = worn.depth.iter().fold(0.0, |most: f64, &d| most.max(d));
-        prop_assert!(close(deepest, MAX_DEPTH, 1e-14));
+        prop_assert!(close(1e3 * deepest, MAX_DEPTH_UM, 1e-14));
         let signed = pair.archard(&SIGNED_WEAR);
         for (s, depth) in signed.s.iter().zip(&signed.depth) {
             prop_assert!(depth * (g.s_pitch - s) >= 0.0, "{s}: {depth}");
@@ -278,7 +278,7 @@ fn random_wear_is_no_quieter_than_its_mean() {
     let pair = pair(&figure_7());
     // Far less than the deflection of about 5 µm: nothing separates.
     let wear = Wear {
-        law: WearLaw::Archard { max_depth: 2e-4 },
+        law: WearLaw::Archard { max_depth_um: 0.2 },
         ..WEAR
     };
     let mut sampler = pair.sampler(&wear);
@@ -330,13 +330,17 @@ fn random_profiles_have_the_stated_mean_and_variance() {
     let pair = pair(&figure_7());
     let worn = pair.archard(&WEAR);
     let mut sampler = pair.sampler(&WEAR);
-    let node = worn.depth.iter().position(|&d| d == MAX_DEPTH).unwrap();
+    let node = worn
+        .depth
+        .iter()
+        .position(|&d| d == 1e-3 * MAX_DEPTH_UM)
+        .unwrap();
     let count = 4000;
     let mut ratios = [Vec::new(), Vec::new()];
     for k in 0..count {
         let profile = sampler.draw_profile(&mut stream(4, Purpose::Test, 0, k));
         for (ratios, depth) in ratios.iter_mut().zip(&profile.depth) {
-            ratios.push(depth[node] / MAX_DEPTH);
+            ratios.push(depth[node] / (1e-3 * MAX_DEPTH_UM));
         }
     }
     let covariance = |a: &[f64], b: &[f64]| {

@@ -11,7 +11,7 @@ use crate::support::{WEAR, balance, figure_7, linear, pair, plain};
 
 /// No wear.
 const NONE: Wear = Wear {
-    law: WearLaw::Archard { max_depth: 0.0 },
+    law: WearLaw::Archard { max_depth_um: 0.0 },
     ..WEAR
 };
 

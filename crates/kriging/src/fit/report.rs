@@ -96,7 +96,7 @@ impl Search<'_> {
         let last = at.len() - 1;
         let of_sigma2 = of_variance(last).map(|upper| Warning::ProcessVarianceAtBound { upper });
         warnings.extend(of_sigma2);
-        if self.options.nugget {
+        if self.options.nugget.is_estimated() {
             let of_nugget = of_variance(last - 1).map(|upper| Warning::NuggetAtBound { upper });
             warnings.extend(of_nugget);
         }

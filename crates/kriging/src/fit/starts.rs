@@ -56,7 +56,7 @@ impl<'a> Search<'a> {
             lower = vec![lower.iter().copied().fold(0.0, f64::min)];
         }
         let mut upper = vec![LONGEST_RANGE.ln(); lower.len()];
-        if options.nugget {
+        if options.nugget.is_estimated() {
             lower.push(NUGGET_BOUNDS.0.ln());
             upper.push(NUGGET_BOUNDS.1.ln());
         }
@@ -106,7 +106,7 @@ impl<'a> Search<'a> {
     /// likelihoods that shorter starts miss (`docs/kriging.md`).
     fn start(&self, i: usize) -> Vec<f64> {
         let mut rng = stream(self.options.seed, Purpose::Fit, 1, i as u64);
-        let count = self.lower.len() - 1 - usize::from(self.options.nugget);
+        let count = self.lower.len() - 1 - usize::from(self.options.nugget.is_estimated());
         let longer = (count as f64 / 6.0).max(1.0).ln();
         let (low, high) = (0.1_f64.ln() + longer, 5.0_f64.ln() + longer);
         let mut start: Vec<f64> = (0..count)
@@ -118,7 +118,7 @@ impl<'a> Search<'a> {
                 }
             })
             .collect();
-        if self.options.nugget {
+        if self.options.nugget.is_estimated() {
             start.push(NUGGET_START.ln());
         }
         start.push(0.0);
@@ -131,7 +131,7 @@ impl<'a> Search<'a> {
             estimator: self.options.estimator,
             trend: self.options.trend,
             tied: self.tied,
-            nugget: self.options.nugget,
+            nugget: self.options.nugget.is_estimated(),
         }
     }
 

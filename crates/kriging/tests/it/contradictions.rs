@@ -9,7 +9,7 @@ use crate::common::{Dense, Sample};
 
 fn with_nugget() -> FitOptions {
     FitOptions {
-        nugget: true,
+        nugget: kriging::Nugget::Estimated,
         ..FitOptions::default()
     }
 }

@@ -1,6 +1,6 @@
 //! The options of the fit beside ordinary kriging: linear trend, nugget, calibration, refusal.
 
-use kriging::{Error, Estimator, FitOptions, Model, Trend, fit};
+use kriging::{Error, Estimator, FitOptions, Model, Nugget, Trend, fit};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
@@ -15,7 +15,7 @@ fn linear() -> FitOptions {
 
 #[test]
 fn universal_kriging_is_that_of_the_dense_formulas() {
-    for nugget in [false, true] {
+    for nugget in [Nugget::Known, Nugget::Estimated] {
         let sample = Sample::smooth(40, 3, 0.02);
         let options = FitOptions { nugget, ..linear() };
         let model = fit(&sample.data(), &options).unwrap();
@@ -88,7 +88,7 @@ fn a_hidden_nugget_is_found() {
         *y += (12.0 * 0.06_f64).sqrt() * (rng.random::<f64>() - 0.5);
     }
     let options = FitOptions {
-        nugget: true,
+        nugget: Nugget::Estimated,
         ..FitOptions::default()
     };
     let model = fit(&sample.data(), &options).unwrap();

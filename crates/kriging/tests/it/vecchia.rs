@@ -262,7 +262,7 @@ fn a_nugget_is_estimated() {
             noise_variance: &noise_variance,
         };
         let options = FitOptions {
-            nugget: true,
+            nugget: kriging::Nugget::Estimated,
             ..FitOptions::default()
         };
         let model = Surrogate::fit(&data, &with_method(Method::Vecchia, options)).unwrap();

@@ -38,7 +38,7 @@ fn fewer_than_two_points_per_parameter_are_few() {
     let indices: Vec<usize> = (0..9).chain(0..9).collect();
     let sample = Sample::smooth(9, 2, 0.01).pick(&indices);
     let options = FitOptions {
-        nugget: true,
+        nugget: kriging::Nugget::Estimated,
         ..FitOptions::default()
     };
     let model = fit(&sample.data(), &options).unwrap();
@@ -64,7 +64,7 @@ fn variances_at_their_bounds_are_reported() {
     assert!(has(&model, &lower), "{:?}", model.warnings());
     // Exact observations of a smooth function leave nothing for a nugget.
     let with_nugget = FitOptions {
-        nugget: true,
+        nugget: kriging::Nugget::Estimated,
         ..FitOptions::default()
     };
     let smooth = Sample::smooth(80, 2, 0.0);

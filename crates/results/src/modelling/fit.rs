@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use kriging::{Data, Guidance, Names, Settings, Surrogate};
+use kriging::{Data, Guidance, Names, Nugget, Settings, Surrogate};
 
 use crate::modelling::summary::{self, Origin, Summary};
 use crate::modelling::table::{Content, Unused};
@@ -18,8 +18,8 @@ pub struct Request {
     pub inputs: Option<Vec<String>>,
     /// Whether rows in which a column of the model has no value are left out instead of refused.
     pub skip_missing: bool,
-    /// Whether to estimate a nugget; by default if there is no column of noise variances.
-    pub nugget: Option<bool>,
+    /// Whether a nugget is estimated; by default if there is no column of noise variances.
+    pub nugget: Option<Nugget>,
     /// Settings of the fit. The nugget's setting is replaced by the one above.
     pub settings: Settings,
 }
@@ -59,7 +59,10 @@ impl Columns {
 /// contradict each other, or no model can be fitted.
 pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
     let columns = choose(table, request)?;
-    let nugget = request.nugget.unwrap_or(request.variance.is_none());
+    let nugget = request.nugget.unwrap_or(match request.variance {
+        Some(_) => Nugget::Known,
+        None => Nugget::Estimated,
+    });
     let mut settings = request.settings.clone();
     settings.fit.nugget = nugget;
 
@@ -243,7 +246,7 @@ fn guided<T>(
             let lines: Vec<String> = lines.collect();
             Some(format!("a table without line {}", lines.join(", ")))
         },
-        estimates_nugget: settings.fit.nugget,
+        nugget: settings.fit.nugget,
         more_points: "more rows",
         less_noise: "less noisy observations",
     })

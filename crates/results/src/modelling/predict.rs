@@ -182,7 +182,7 @@ mod tests {
             variance: None,
             inputs: None,
             skip_missing: false,
-            nugget: Some(false),
+            nugget: Some(kriging::Nugget::Known),
             settings: Settings {
                 response,
                 ..Settings::default()

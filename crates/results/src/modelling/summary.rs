@@ -146,7 +146,7 @@ pub(crate) fn of(
         response_scale: surrogate.response(),
         mean: parameters.mu,
         process_variance: parameters.sigma2,
-        nugget_is_estimated: settings.fit.nugget,
+        nugget_is_estimated: settings.fit.nugget == kriging::Nugget::Estimated,
         nugget_variance: parameters.nugget,
         calibration: surrogate.calibration(),
         negative_log_likelihood: surrogate.negative_log_likelihood(),

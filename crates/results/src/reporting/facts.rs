@@ -1,6 +1,7 @@
 //! What a reader ought to know of how a campaign's numbers came about.
 
-use campaign::file::{ControlVariate, PercentileRule, SIGNIFICANCE, Wear};
+use campaign::file::{ControlVariate, PercentileRule, SIGNIFICANCE};
+use gear::{Discretisation, Wear, WearLaw};
 use stages::designs;
 use stats::HarrellDavisVariance;
 
@@ -15,11 +16,11 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
     }
     if let Some(sections) = campaign.gears() {
         if !campaign.is_external() {
-            let model = sections.pair.tooth_model.clone();
-            facts.push(("tooth model".to_owned(), model));
+            let model = sections.pair.tooth_model;
+            facts.push(("tooth model".to_owned(), model.to_string()));
         }
-        if sections.accuracy.is_some() {
-            let grid = sections.grid();
+        let grid = sections.grid;
+        if grid != Discretisation::default() {
             let grid = format!("{} cells, {} phases", grid.cells, grid.phases);
             facts.push(("grid".to_owned(), grid));
         }
@@ -58,13 +59,12 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
 
 /// The law of wear with its depth or coefficient.
 fn wear(wear: &Wear) -> String {
-    match (wear.max_depth_um, wear.coefficient_per_mpa) {
-        (_, Some(coefficient)) => {
-            format!("signed law, {coefficient:e} per MPa: adds material beyond the pitch point")
+    match wear.law {
+        WearLaw::Archard { max_depth_um } => {
+            format!("Archard's law, {max_depth_um} µm per flank at the deepest point")
         }
-        (depth, None) => {
-            let depth = depth.unwrap_or_default();
-            format!("Archard's law, {depth} µm per flank at the deepest point")
+        WearLaw::Signed { coefficient } => {
+            format!("signed law, {coefficient:e} per MPa: adds material beyond the pitch point")
         }
     }
 }

@@ -58,7 +58,6 @@ fn sizes(found: &mut Outcome) -> Result<(), Failed> {
     let effort = f64::NAN;
     found.refused(maximin(10, 3, &Options { effort, ..quick() }), "Effort");
     found.refused(sobol(SOBOL_POINTS + 1, 3, 0), "SobolPoints");
-    found.refused("hexagonal".parse::<Kind>(), "UnknownMethod");
     Ok(())
 }
 

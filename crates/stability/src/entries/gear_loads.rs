@@ -123,7 +123,9 @@ fn contact_loss(found: &mut Outcome) -> Result<(), Failed> {
 fn deep_wear(found: &mut Outcome) -> Result<(), Failed> {
     let pair = pair(&paper::design(paper::FIGURE_7))?;
     let delta = |max_depth: f64| {
-        let law = WearLaw::Archard { max_depth };
+        let law = WearLaw::Archard {
+            max_depth_um: 1e3 * max_depth,
+        };
         pair.archard(&Wear { law, ..WEAR }).analysis.delta_ste_um
     };
     let depths = (0..=16).map(|i| 1e-4 * 10_f64.powf(f64::from(i) / 4.0));

@@ -108,7 +108,7 @@ fn waves(x: &[f64]) -> Vec<f64> {
 
 fn estimated_nugget() -> FitOptions {
     FitOptions {
-        nugget: true,
+        nugget: kriging::Nugget::Estimated,
         ..FitOptions::default()
     }
 }
@@ -363,7 +363,7 @@ fn approximate(found: &mut Outcome) -> Result<(), Failed> {
         let settings = Settings {
             fit,
             method: FitMethod::Vecchia,
-            response: Response::Plain,
+            ..Settings::default()
         };
         Surrogate::fit(&data, &settings)
     };

@@ -1,6 +1,6 @@
 //! Kriging: responses, points and noise that a model does not expect.
 
-use kriging::{FitOptions, Model, Trend};
+use kriging::{FitOptions, Model, Nugget, Trend};
 use results::report::Scale;
 
 use super::kriging_scene::{grid, model, normal, random_points, rmse};
@@ -174,10 +174,10 @@ fn wrong_noise(found: &mut Outcome) -> Result<(), Failed> {
         };
         model(&x, 1, &y, stated * stated, &options)
     };
-    let right = fitted(sd, false)?;
-    let small = fitted(0.01 * sd, false)?;
-    let with_nugget = fitted(0.01 * sd, true)?;
-    let large = fitted(100.0 * sd, false)?;
+    let right = fitted(sd, Nugget::Known)?;
+    let small = fitted(0.01 * sd, Nugget::Known)?;
+    let with_nugget = fitted(0.01 * sd, Nugget::Estimated)?;
+    let large = fitted(100.0 * sd, Nugget::Known)?;
     found.warned(large.warnings(), &["NoStructure"]);
     found.figure("error with the right variance", rmse(&right, truth), "");
     found.figure(

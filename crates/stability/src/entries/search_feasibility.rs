@@ -66,6 +66,7 @@ fn edge(found: &mut Outcome) -> Result<(), Failed> {
             search: Options::new(bounds.clone()),
             evaluations: 4000,
             restarts: FROM_BEST,
+            restart_at: None,
         };
         let run = minimise_run(&[4.0; 6], options, &mut rng(seed), &mut |x: &[f64]| {
             Evaluation {

@@ -24,11 +24,12 @@ pub(super) fn run<E: Into<Evaluation>>(
         search: Options::new(Bounds::unit(d)?),
         evaluations,
         restarts,
+        restart_at: None,
     };
     minimise_run(&vec![0.8; d], options, &mut rng(seed), &mut objective)
 }
 
-pub(super) const FROM_BEST: Restarts = Restarts::FromBest { planned: 0 };
+pub(super) const FROM_BEST: Restarts = Restarts::FromBest;
 
 /// Records the reasons why searches of a run stopped.
 pub(super) fn stops(found: &mut Outcome, run: &Found, expected: &[&str]) {

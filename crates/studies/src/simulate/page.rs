@@ -93,7 +93,7 @@ struct Curves {
 impl Curves {
     fn of(pair: &Pair, subject: &Subject<'_>) -> Self {
         let geometry = pair.geometry();
-        let wear = subject.file.wear.to_gear();
+        let wear = subject.file.wear;
         let micrometres = |depths: &[f64]| depths.iter().map(|d| d * 1e3).collect::<Vec<f64>>();
         let mut ste = report::ste(pair, &wear);
         let (mut worn_mpa, mut depth_um, mut random_um) = (Vec::new(), Vec::new(), Vec::new());
@@ -220,7 +220,7 @@ fn page(
             worn_mpa,
         },
         contact: {
-            let wear = subject.file.wear.to_gear();
+            let wear = subject.file.wear;
             let is_worn = subject.request.wear != WearChoice::None;
             report::contact(pair, is_worn.then_some(&wear))
         },

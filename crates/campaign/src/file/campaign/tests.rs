@@ -27,16 +27,12 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
     let absent = parse("").unwrap();
     assert_eq!(absent.doe.method, doe::Method::Maximin);
     assert_eq!(
-        serde_json::to_string(&absent.doe).unwrap(),
-        r#"{"designs":3000}"#
-    );
-    assert_eq!(
         parse("method = \"maximin\"").unwrap().digest(),
         absent.digest()
     );
     for method in ["random", "sobol"] {
         let other = parse(&format!("method = {method:?}")).unwrap();
-        assert_eq!(other.doe.method.name(), method);
+        assert_eq!(other.doe.method.to_string(), method);
         assert_ne!(other.digest(), absent.digest());
         assert_eq!(Campaign::from_json(&other.to_json()).unwrap(), other);
         // A campaign with another kind of design does not extend this one.
@@ -47,7 +43,8 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
     }
     let error = parse("method = \"lattice\"").unwrap_err();
     assert!(
-        error.contains("line ") && error.contains("method: no design is called \"lattice\""),
+        error.contains("line ")
+            && error.contains("doe.method is \"lattice\", but must be one of \"random\""),
         "{error}"
     );
     let text = Campaign::PAPER.replace("designs = 3000", "method = \"sobol\"\ndesigns = 70000");
@@ -59,11 +56,6 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
 fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
     const KEY: &str = "restart_at = 6000 ";
     let paper = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
-    let json = paper.to_json();
-    assert!(
-        json.contains(r#""evaluations":12000,"restart_at":6000,"starts":3"#),
-        "as in stores of before restarts had a name: {json}"
-    );
     let with = |lines: &str| {
         let text = Campaign::PAPER.replacen(KEY, &format!("{lines} "), 1);
         Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
@@ -83,9 +75,9 @@ fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
         );
     }
     for (lines, says) in [
-        ("", "optimise.restart_at is \"missing\""),
+        ("", "optimise.restart_at is missing"),
         ("restart_at = 12001", "a whole number from 1 to 12000"),
-        ("restarts = \"best\"", "unknown variant `best`"),
+        ("restarts = \"best\"", "optimise.restarts is \"best\""),
     ] {
         let error = with(lines).unwrap_err();
         assert!(error.contains(says), "{error}");
@@ -156,7 +148,7 @@ fn an_absent_flank_class_changes_no_digest_and_a_given_one_does() {
 }
 
 #[test]
-fn a_law_of_wear_has_its_own_number_and_the_default_changes_no_digest() {
+fn a_law_of_wear_has_its_own_number() {
     let with = |wear: &str| {
         let text = Campaign::WEAR
             .lines()
@@ -165,44 +157,28 @@ fn a_law_of_wear_has_its_own_number_and_the_default_changes_no_digest() {
         let text = text.replace("[wear]\n", &format!("[wear]\n{wear}\n"));
         Campaign::parse("c.toml", &text)
     };
-    let absent = with("max_depth_um = 3.5").unwrap();
-    let named = with("law = \"archard\"\nmax_depth_um = 3.5").unwrap();
-    assert_eq!(absent.digest(), named.digest());
-    assert_eq!(
-        serde_json::to_string(&absent.gears().unwrap().wear).unwrap(),
-        r#"{"max_depth_um":3.5,"kernel":"squared-exponential","range_rad":0.2,"variance":0.01}"#,
-        "as in stores of before the law had a name"
-    );
-    let signed = with("law = \"signed\"\ncoefficient_per_mpa = 2e-7").unwrap();
+    let archard = with("max_depth_um = 3.5").unwrap();
+    let signed = with("coefficient_per_mpa = 2e-7").unwrap();
     let law = gear::WearLaw::Signed { coefficient: 2e-7 };
-    assert_eq!(signed.gears().unwrap().wear.to_gear().law, law);
+    assert_eq!(signed.gears().unwrap().wear.law, law);
     assert_eq!(Campaign::from_json(&signed.to_json()).unwrap(), signed);
-    assert!(!signed.extends(&absent) && !absent.extends(&signed));
+    assert!(!signed.extends(&archard) && !archard.extends(&signed));
     for (wear, why) in [
-        ("", "wear.max_depth_um is \"missing\""),
         (
-            "law = \"signed\"",
-            "wear.coefficient_per_mpa is \"missing\"",
-        ),
-        (
-            "law = \"signed\"\nmax_depth_um = 3.5\ncoefficient_per_mpa = 2e-7",
-            "wear.max_depth_um is 3.5, but must be absent when law is \"signed\"",
+            "",
+            "wear.max_depth_um is missing, but must be given, unless coefficient_per_mpa is",
         ),
         (
             "max_depth_um = 3.5\ncoefficient_per_mpa = 2e-7",
-            "wear.coefficient_per_mpa is 2e-7, but must be absent when law is \"archard\"",
+            "wear.coefficient_per_mpa is 2e-7, but must be absent beside max_depth_um",
         ),
         (
-            "law = \"signed\"\ncoefficient_per_mpa = -1e-7",
+            "coefficient_per_mpa = -1e-7",
             "wear.coefficient_per_mpa is -1e-7",
         ),
         (
-            "law = \"signed\"\ncoefficient_per_mpa = nan",
-            "wear.coefficient_per_mpa is NaN",
-        ),
-        (
-            "law = \"holm\"\nmax_depth_um = 3.5",
-            "unknown variant `holm`",
+            "coefficient_per_mpa = nan",
+            "wear.coefficient_per_mpa is nan",
         ),
     ] {
         let error = with(wear).unwrap_err().to_string();
@@ -241,7 +217,6 @@ fn a_simulator_section_that_says_nothing_changes_no_digest() {
         )
     };
     let absent = parse("").unwrap();
-    assert!(!absent.to_json().contains("simulator"));
     let built_in = parse("[simulator]\nkind = \"built-in\"").unwrap();
     assert_eq!(absent.digest(), built_in.digest());
     let external = parse("[simulator]\nkind = \"external\"").unwrap();
@@ -249,7 +224,10 @@ fn a_simulator_section_that_says_nothing_changes_no_digest() {
     assert_ne!(absent.digest(), external.digest());
     assert_eq!(Campaign::from_json(&external.to_json()).unwrap(), external);
     for (section, why) in [
-        ("[simulator]\nkind = \"magic\"", "unknown variant"),
+        (
+            "[simulator]\nkind = \"magic\"",
+            "simulator.kind is \"magic\"",
+        ),
         (
             "[simulator]\nkind = \"external\"\nprobe_designs = 13",
             "from 0 to 12",

@@ -87,7 +87,7 @@ fn optional_keys_have_their_defaults() {
     assert_eq!(file.to_gear().tip_rule, gear::TipRule::AsCut);
     assert_eq!(file.corrections(), gear::Corrections::default());
     assert_eq!(file.limits(), GearLimits::default());
-    assert_eq!(file.wear, Wear::default());
+    assert_eq!(file.wear, wear::default());
     assert_eq!(
         parse(&format!("{plain}[corrections]\n"))
             .unwrap()
@@ -106,12 +106,13 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
         let design = problem.design(&x, problem.base());
         let file = parse(&PairFile::of_design(sections, &design.gears()).to_toml()).unwrap();
         assert_eq!(file.to_gear(), gears.pair_input(&design));
-        assert_eq!(&file.wear.to_gear(), gears.wear());
+        assert_eq!(&file.wear, gears.wear());
         assert_eq!(file.corrections(), gear::Corrections::default());
         assert_eq!(file.limits(), sections.constraints);
         assert_eq!(file.flank_class(), gears.flank_class());
         let mut of_class = sections.clone();
-        of_class.manufacture = Some(Manufacture { flank_class: 6 });
+        let flank_class = gear::FlankClass::new(6).unwrap();
+        of_class.manufacture = Some(Manufacture { flank_class });
         let file = parse(&PairFile::of_design(&of_class, &design.gears()).to_toml()).unwrap();
         assert_eq!(file.flank_class(), gear::FlankClass::new(6));
     }
@@ -162,7 +163,7 @@ fn what_is_accepted_is_no_bad_input_of_the_simulator() {
                         !matches!(pair, Err(gear::Error::Input(_))),
                         "{new}: {pair:?}"
                     );
-                    file.wear.to_gear().validate().unwrap();
+                    file.wear.validate().unwrap();
                 }
             }
         }
@@ -226,14 +227,14 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
         (
             "flank_class = 6",
             "flank_class = 6.5",
-            "line 25: flank_class: invalid type",
+            "line 25: manufacture.flank_class: invalid type",
         ),
         (
             "flank_class = 6",
             "",
             "line 24: missing field `flank_class`",
         ),
-        ("\"parabolic\"", "\"round\"", "linear, parabolic"),
+        ("\"parabolic\"", "\"round\"", "\"linear\" or \"parabolic\""),
         (
             "face_width_mm = 10.0",
             "face_width_mm = 10.0\ntooth_model = \"whole-face-beam\"",

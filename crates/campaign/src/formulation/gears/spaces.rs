@@ -3,7 +3,7 @@
 use super::super::Design;
 use super::super::space::{Coordinate, Source, Space};
 use super::{ALL_VARIABLES, VARIABLE_NAMES};
-use crate::file::{GearSections, HELIX_ANGLE, ROOT_RADII, Setting, TIP_RADII};
+use crate::file::{GearSections, HELIX_ANGLE, ROOT_RADII, Relation, Setting, TIP_RADII};
 
 /// The names of the radii in modules.
 const RADII_IN_MODULES: [&str; 4] = [
@@ -53,8 +53,8 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
             _ if frozen[place].is_some() => Source::Kept,
             Setting::Fixed(value) if in_modules => Source::FixedInModules(value),
             Setting::Fixed(value) => Source::Fixed(value),
-            Setting::Tied => Source::Tied,
-            Setting::Follows => Source::Follows,
+            Setting::Relation(Relation::Tied) => Source::Tied,
+            Setting::Relation(Relation::Follows) => Source::Follows,
             Setting::Free(range) => {
                 let name = if in_modules {
                     RADII_IN_MODULES[place - TIP_RADII.start]

@@ -128,7 +128,7 @@ mod tests {
 
     use crate::data::{Data, keep};
     use crate::model::Model;
-    use crate::{FitOptions, Trend, fit};
+    use crate::{FitOptions, Nugget, Trend, fit};
 
     /// Points of two coordinates with three observations each, `apart` from each other, and five single ones.
     fn replicates(apart: f64, noise: f64) -> (Vec<f64>, Vec<f64>) {
@@ -147,11 +147,11 @@ mod tests {
     #[test]
     fn a_point_is_left_out_with_its_replicates() {
         for (apart, noise, nugget, trend) in [
-            (0.0, 0.3, true, Trend::Constant),
-            (0.0, 0.3, true, Trend::Linear),
-            (1e-9, 0.3, true, Trend::Constant),
-            (1e-8, 0.0, true, Trend::Constant),
-            (1e-6, 0.0, false, Trend::Constant),
+            (0.0, 0.3, Nugget::Estimated, Trend::Constant),
+            (0.0, 0.3, Nugget::Estimated, Trend::Linear),
+            (1e-9, 0.3, Nugget::Estimated, Trend::Constant),
+            (1e-8, 0.0, Nugget::Estimated, Trend::Constant),
+            (1e-6, 0.0, Nugget::Known, Trend::Constant),
         ] {
             let (x, y) = replicates(apart, noise);
             let data = |rows: &[usize]| {

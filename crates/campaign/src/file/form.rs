@@ -1,29 +1,28 @@
 //! The campaign file as it is written, with one form for each kind of problem.
-//!
-//! A campaign's digest is that of its JSON, so the order of the fields and the rules for leaving
-//! out defaults must not change.
 
+use cmaes::Restarts;
 use serde::{Deserialize, Serialize};
 
-use super::settings::Restarts;
+use super::accuracy::AccuracySection;
+use super::validate::Source;
 use super::{
-    Accuracy, Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment,
-    ExternalSections, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture,
-    Material, Optimise, Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind,
-    SimulatorSection, VariableSection, Verify, Wear,
+    Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
+    FileError, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture, Material,
+    Optimise, Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection,
+    VariableSection, Verify, wear,
 };
 
 /// The kind of a file.
 #[derive(Deserialize)]
-pub(super) struct Peek {
-    #[serde(default)]
-    pub(super) kind: Option<String>,
+struct Peek {
+    kind: Option<String>,
 }
 
 /// `kind` of a gear campaign.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum GearKind {
+    #[default]
     Gear,
 }
 
@@ -37,21 +36,19 @@ enum ExternalKind {
 /// The file of a campaign that designs a gear pair.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct GearFile {
-    /// Not written, because files older than the key have none.
-    #[serde(default, skip_serializing, rename = "kind")]
-    _kind: Option<GearKind>,
+pub(crate) struct GearFile {
+    #[serde(default)]
+    kind: GearKind,
     format: u32,
     name: String,
     seed: u64,
     pair: Pair,
     load: Load,
     material: Material,
-    wear: Wear,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(with = "wear")]
+    wear: gear::Wear,
     manufacture: Option<Manufacture>,
     bounds: Bounds,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     frozen: Option<FrozenSection>,
     doe: Doe,
     sampling: Sampling,
@@ -62,14 +59,12 @@ pub(super) struct GearFile {
     #[serde(default)]
     verify: Verify,
     report: Report,
-    #[serde(default, skip_serializing_if = "SimulatorSection::is_default")]
+    #[serde(default)]
     simulator: SimulatorSection,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     enrichment: Option<Enrichment>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     corrections: Option<CorrectionsSection>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    accuracy: Option<Accuracy>,
+    #[serde(default)]
+    accuracy: AccuracySection,
 }
 
 /// `[optimise]` of a gear campaign: CMA-ES and the penalised objective.
@@ -80,12 +75,11 @@ struct PenalisedOptimise {
     parents: u32,
     step: f64,
     evaluations: u32,
-    #[serde(default, skip_serializing_if = "Restarts::is_default")]
+    #[serde(default)]
     restarts: Restarts,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     restart_at: Option<u32>,
     starts: u32,
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
     direct: bool,
     /// Weight p of a constraint's relative violation in the penalised objective.
     penalty: f64,
@@ -98,7 +92,7 @@ struct PenalisedOptimise {
 /// The file of a campaign with an external problem.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct ExternalFile {
+pub(crate) struct ExternalFile {
     kind: ExternalKind,
     format: u32,
     name: String,
@@ -117,7 +111,6 @@ pub(super) struct ExternalFile {
     verify: Verify,
     #[serde(default)]
     simulator: ExternalSimulator,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     enrichment: Option<Enrichment>,
 }
 
@@ -125,23 +118,73 @@ pub(super) struct ExternalFile {
 #[derive(Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ExternalSimulator {
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     probe_designs: Option<u32>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     attempts: Option<u32>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     retry_s: Option<f64>,
 }
 
-/// Either form, for serialisation.
+/// The file in either form.
 #[derive(Serialize)]
 #[serde(untagged)]
-pub(super) enum Written {
+pub(crate) enum Form {
     Gears(Box<GearFile>),
     External(Box<ExternalFile>),
 }
 
-impl From<GearFile> for (u32, Campaign) {
+impl Form {
+    /// The content of a file, not validated.
+    pub(crate) fn parse(source: Source<'_>) -> Result<Self, FileError> {
+        // If the text is not TOML, parsing the whole form reports the error.
+        let kind = toml::from_str(source.text).map_or(None, |Peek { kind }| kind);
+        let this = match kind.as_deref() {
+            None | Some("gear") => Self::Gears(Box::new(source.parse()?)),
+            Some("external") => Self::External(Box::new(source.parse()?)),
+            Some(other) => {
+                return Err(source.refuse("kind", other, "\"gear\" or \"external\""));
+            }
+        };
+        let format = match &this {
+            Self::Gears(file) => file.format,
+            Self::External(file) => file.format,
+        };
+        let known = Campaign::FORMAT;
+        source.require(
+            format == known,
+            "format",
+            format,
+            &format!("{known}, the version this program reads"),
+        )?;
+        Ok(this)
+    }
+
+    /// The content of a file as JSON, not validated.
+    pub(super) fn from_json(json: &str) -> Result<Self, serde_json::Error> {
+        let Peek { kind } = serde_json::from_str(json)?;
+        Ok(match kind.as_deref() {
+            Some("external") => Self::External(serde_json::from_str(json)?),
+            _ => Self::Gears(serde_json::from_str(json)?),
+        })
+    }
+
+    /// `accuracy.tolerance_um`
+    pub(crate) const fn tolerance_um(&self) -> Option<f64> {
+        match self {
+            Self::Gears(file) => file.accuracy.tolerance_um,
+            Self::External(_) => None,
+        }
+    }
+}
+
+impl From<Form> for Campaign {
+    fn from(written: Form) -> Self {
+        match written {
+            Form::Gears(file) => (*file).into(),
+            Form::External(file) => (*file).into(),
+        }
+    }
+}
+
+impl From<GearFile> for Campaign {
     fn from(file: GearFile) -> Self {
         let PenalisedOptimise {
             population,
@@ -172,9 +215,9 @@ impl From<GearFile> for (u32, Campaign) {
             },
             report: file.report,
             corrections: file.corrections,
-            accuracy: file.accuracy,
+            grid: file.accuracy.into(),
         };
-        let campaign = Campaign {
+        Self {
             name: file.name,
             seed: file.seed,
             kind: Kind::Gears(Box::new(sections)),
@@ -196,15 +239,14 @@ impl From<GearFile> for (u32, Campaign) {
                 .resolved(file.simulator.kind == SimulatorKind::External),
             simulator: file.simulator,
             enrichment: file.enrichment,
-        };
-        (file.format, campaign)
+        }
     }
 }
 
-impl From<ExternalFile> for (u32, Campaign) {
+impl From<ExternalFile> for Campaign {
     fn from(file: ExternalFile) -> Self {
         let sampling = file.sampling.of_aim(file.response.aim);
-        let campaign = Campaign {
+        Self {
             name: file.name,
             seed: file.seed,
             kind: Kind::External(ExternalSections {
@@ -224,12 +266,11 @@ impl From<ExternalFile> for (u32, Campaign) {
                 retry_s: file.simulator.retry_s,
             },
             enrichment: file.enrichment,
-        };
-        (file.format, campaign)
+        }
     }
 }
 
-impl From<Campaign> for Written {
+impl From<Campaign> for Form {
     fn from(campaign: Campaign) -> Self {
         let Campaign {
             name,
@@ -246,7 +287,7 @@ impl From<Campaign> for Written {
         let format = Campaign::FORMAT;
         match kind {
             Kind::Gears(sections) => Self::Gears(Box::new(GearFile {
-                _kind: None,
+                kind: GearKind::Gear,
                 format,
                 name,
                 seed,
@@ -279,7 +320,7 @@ impl From<Campaign> for Written {
                 simulator,
                 enrichment,
                 corrections: sections.corrections,
-                accuracy: sections.accuracy,
+                accuracy: sections.grid.into(),
             })),
             Kind::External(sections) => Self::External(Box::new(ExternalFile {
                 kind: ExternalKind::External,
