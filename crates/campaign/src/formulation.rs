@@ -126,7 +126,7 @@ impl Problem {
         let Formulation::Gears(gears) = &mut self.kind else {
             return self;
         };
-        gears.set_relief_shape(section.shape());
+        gears.set_relief_shape(section.tip_relief_shape.unwrap_or_default());
         self.variables.extend(gears::corrections::variables());
         for (name, range) in gears::corrections::ranges(section) {
             self.free.push(name, range);

@@ -194,7 +194,7 @@ mod tests {
         // Shifts this negative leave the involute equation without a solution.
         let problem = problem(|campaign| {
             campaign.gears_mut().unwrap().bounds.profile_shift =
-                campaign::file::OfGears::Both(campaign::file::Written::Free([-9.0, -8.0]))
+                campaign::file::OfGears::Both(campaign::file::Setting::Free([-9.0, -8.0]))
         });
         let search = search_from(&problem, 0);
         assert_eq!((search.best, search.plain_calls), (None, 0));

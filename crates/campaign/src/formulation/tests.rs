@@ -319,7 +319,7 @@ fn profile_corrections_are_further_variables_within_their_bounds() {
     let section = CorrectionsSection {
         tip_relief_um: Some([0.0, 20.0]),
         tip_relief_length_mm: Some([0.5, 2.5]),
-        tip_relief_shape: Some("parabolic".to_owned()),
+        tip_relief_shape: Some(gear::ReliefShape::Parabolic),
         crowning_um: Some([0.0, 8.0]),
     };
     let crowned = problem().with_corrections(&section);
