@@ -11,7 +11,7 @@
 -- its number (an optimum's is its approach's), of a run 2 << 56 | the approach's number << 32 | the start.
 --
 -- `seal` is a digest of the row's other columns, the first 64 bits of a SHA-256 read as two's complement: a value
--- that changes outside the program is noticed when the row is read.
+-- that changes outside the program is noticed when the row is read. Rows without one are no results.
 
 -- "PTCH": what tells a store from any other SQLite file.
 PRAGMA application_id = 0x50544348;
@@ -201,7 +201,7 @@ CREATE TABLE sample_tally (
 
 CREATE TABLE commit_tally (
     one     INTEGER NOT NULL PRIMARY KEY CHECK (one = 1),
-    -- The lock file says how many were acknowledged: fewer here mean that the log was cut.
+    -- The lock file says how many were acknowledged: fewer here mean that the log was cut, or that this is an older copy.
     commits INTEGER NOT NULL CHECK (commits >= 0)
 ) STRICT;
 

@@ -47,7 +47,7 @@ pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<CampaignRow,
     let query = sqlx::query!(
         "SELECT name, file_text, digest, seed, program_version, model_digest, seal FROM campaign"
     );
-    let row = connection.optional("read the campaign", query).await?;
+    let row = connection.optional(query).await?;
     // A store is created together with its campaign.
     let row = row.ok_or_else(|| connection.damaged("it names no campaign"))?;
     let campaign = CampaignRow {
@@ -80,7 +80,7 @@ pub(crate) async fn write(
         row.model_digest,
         seal,
     );
-    connection.insert(CampaignRow::TABLE, query).await?;
+    connection.execute(query).await?;
     Ok(Receipt::new(1))
 }
 

@@ -68,9 +68,7 @@ pub(crate) async fn make(
     connection: &mut Connection<'_>,
     changes: &[Change],
 ) -> Result<Result<Vec<Receipt>, Error>, Error> {
-    connection
-        .run("set a savepoint", "SAVEPOINT change")
-        .await?;
+    connection.run("SAVEPOINT change").await?;
     let made = match changes {
         [change] if !change.is_batch() => one(connection, change).await.map(|made| vec![made]),
         _ => {
@@ -81,15 +79,11 @@ pub(crate) async fn make(
     match &made {
         Ok(_) => {}
         Err(error) if error.is_refusal() => {
-            connection
-                .run("go back to a savepoint", "ROLLBACK TO change")
-                .await?;
+            connection.run("ROLLBACK TO change").await?;
         }
         Err(error) => return Err(error.clone()),
     }
-    connection
-        .run("release a savepoint", "RELEASE change")
-        .await?;
+    connection.run("RELEASE change").await?;
     Ok(made)
 }
 

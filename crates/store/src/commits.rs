@@ -5,7 +5,7 @@ use crate::connection::Connection;
 
 pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<u64, Error> {
     let query = sqlx::query!(r#"SELECT commits AS "commits: u64" FROM commit_tally"#);
-    let row = connection.one("read the number of commits", query).await?;
+    let row = connection.one(query).await?;
     Ok(row.commits)
 }
 
@@ -14,6 +14,6 @@ pub(crate) async fn count(connection: &mut Connection<'_>) -> Result<u64, Error>
     let query = sqlx::query!(
         r#"UPDATE commit_tally SET commits = commits + 1 RETURNING commits AS "commits: u64""#
     );
-    let row = connection.one("count a commit", query).await?;
+    let row = connection.one(query).await?;
     Ok(row.commits)
 }

@@ -25,7 +25,7 @@ const ROWS_PER_STATEMENT: usize = 1000;
 pub(crate) type Values<'a> = Separated<'a, Sqlite, &'static str>;
 
 /// A connection to a store's file. It runs statements and converts SQLite's errors to [`Error`]s
-/// that name the file. `doing` completes "the database cannot".
+/// that name the file.
 #[derive(Debug)]
 pub(crate) struct Connection<'c> {
     sql: Handle<'c>,
@@ -79,7 +79,7 @@ impl Readers {
 }
 
 fn opening(path: &Path, source: SqlxError) -> Error {
-    Error::sqlite("open its file for reading", path, source)
+    Error::sqlite(path, source)
 }
 
 type Mapped<'q, F> = Map<'q, Sqlite, F, SqliteArguments>;
@@ -91,7 +91,7 @@ impl Connection<'static> {
     ) -> Result<Self, Error> {
         let opened = SqliteConnection::connect_with(options).await;
         Ok(Self {
-            sql: Handle::Own(opened.map_err(|e| Error::sqlite("open its file", path, e))?),
+            sql: Handle::Own(opened.map_err(|e| Error::sqlite(path, e))?),
             path: Arc::clone(path),
         })
     }
@@ -103,7 +103,7 @@ impl Connection<'static> {
             Handle::Shared(_) => Ok(()),
             Handle::Within(transaction) => transaction.rollback().await,
         };
-        closed.map_err(|e| Error::sqlite("close its file", &self.path, e))
+        closed.map_err(|e| Error::sqlite(&self.path, e))
     }
 }
 
@@ -112,9 +112,9 @@ impl Connection<'_> {
         Arc::clone(&self.path)
     }
 
-    /// Converts an SQLite error; `doing` completes "the database cannot".
-    pub(crate) fn failed(&self, doing: &'static str, source: SqlxError) -> Error {
-        Error::sqlite(doing, &self.path, source)
+    /// Converts an SQLite error.
+    pub(crate) fn failed(&self, source: SqlxError) -> Error {
+        Error::sqlite(&self.path, source)
     }
 
     pub(crate) fn damaged(&self, detail: impl Into<String>) -> Error {
@@ -142,7 +142,7 @@ impl Connection<'_> {
         let path = Arc::clone(&self.path);
         let begun = self.sql().begin_with(statement).await;
         Ok(Connection {
-            sql: Handle::Within(begun.map_err(|e| Error::sqlite("begin a transaction", &path, e))?),
+            sql: Handle::Within(begun.map_err(|e| Error::sqlite(&path, e))?),
             path,
         })
     }
@@ -152,7 +152,7 @@ impl Connection<'_> {
         let path = Arc::clone(&self.path);
         let begun = self.sql().begin().await;
         Ok(Connection {
-            sql: Handle::Within(begun.map_err(|e| Error::sqlite("begin a transaction", &path, e))?),
+            sql: Handle::Within(begun.map_err(|e| Error::sqlite(&path, e))?),
             path,
         })
     }
@@ -162,60 +162,39 @@ impl Connection<'_> {
             Handle::Within(transaction) => transaction
                 .commit()
                 .await
-                .map_err(|e| Error::sqlite("commit", &self.path, e)),
+                .map_err(|e| Error::sqlite(&self.path, e)),
             Handle::Own(_) | Handle::Pooled(_) | Handle::Shared(_) => Ok(()),
         }
     }
 
     /// Runs statements without parameters.
-    pub(crate) async fn run(
-        &mut self,
-        doing: &'static str,
-        statement: &'static str,
-    ) -> Result<(), Error> {
+    pub(crate) async fn run(&mut self, statement: &'static str) -> Result<(), Error> {
         let done = self.sql().execute(statement).await;
-        done.map(drop).map_err(|e| self.failed(doing, e))
+        done.map(drop).map_err(|e| self.failed(e))
     }
 
     /// Runs a statement without parameters and returns one value per row.
-    pub(crate) async fn pragma<O>(
-        &mut self,
-        doing: &'static str,
-        statement: &'static str,
-    ) -> Result<Vec<O>, Error>
+    pub(crate) async fn pragma<O>(&mut self, statement: &'static str) -> Result<Vec<O>, Error>
     where
         O: for<'r> Decode<'r, Sqlite> + Type<Sqlite> + Send + Unpin,
     {
         let query = sqlx::query(statement).try_map(|row: SqliteRow| row.try_get(0));
-        self.all(doing, query).await
+        self.all(query).await
     }
 
-    /// Removes rows and returns their number.
-    pub(crate) async fn remove(
+    /// Inserts, changes or removes rows, and returns their number.
+    pub(crate) async fn execute(
         &mut self,
         query: Query<'_, Sqlite, SqliteArguments>,
     ) -> Result<u64, Error> {
         let done = query.execute(self.sql()).await;
-        let done = done.map_err(|e| self.failed("remove rows", e))?;
-        Ok(done.rows_affected())
-    }
-
-    /// Inserts or updates a row of a table. Returns false if the row was there already.
-    pub(crate) async fn insert(
-        &mut self,
-        table: &'static str,
-        query: Query<'_, Sqlite, SqliteArguments>,
-    ) -> Result<bool, Error> {
-        let done = query.execute(self.sql()).await;
-        let done = done.map_err(|e| Error::insertion(table, &self.path, e))?;
-        Ok(done.rows_affected() > 0)
+        Ok(done.map_err(|e| self.failed(e))?.rows_affected())
     }
 
     /// Inserts rows with one statement for many: a statement takes a round trip to SQLite's thread, which costs more
     /// than a row. `statement` is what comes before and after the rows' values, which `bind` adds.
     pub(crate) async fn insert_many<T>(
         &mut self,
-        table: &'static str,
         statement: [&'static str; 2],
         rows: &[T],
         bind: impl Fn(&mut Values<'_>, &T),
@@ -226,7 +205,7 @@ impl Connection<'_> {
             builder.push_values(rows, |mut values, row| bind(&mut values, row));
             // Not kept: statements differ by their number of rows.
             let query = builder.push(after).build().persistent(false);
-            self.insert(table, query).await?;
+            self.execute(query).await?;
         }
         Ok(())
     }
@@ -236,49 +215,36 @@ impl Connection<'_> {
         row::check(row, seal, &self.path)
     }
 
-    pub(crate) async fn all<F, O>(
-        &mut self,
-        doing: &'static str,
-        query: Mapped<'_, F>,
-    ) -> Result<Vec<O>, Error>
+    pub(crate) async fn all<F, O>(&mut self, query: Mapped<'_, F>) -> Result<Vec<O>, Error>
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
         O: Send + Unpin,
     {
         let rows = query.fetch_all(self.sql()).await;
-        rows.map_err(|e| self.failed(doing, e))
+        rows.map_err(|e| self.failed(e))
     }
 
-    pub(crate) async fn one<F, O>(
-        &mut self,
-        doing: &'static str,
-        query: Mapped<'_, F>,
-    ) -> Result<O, Error>
+    pub(crate) async fn one<F, O>(&mut self, query: Mapped<'_, F>) -> Result<O, Error>
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
         O: Send + Unpin,
     {
         let row = query.fetch_one(self.sql()).await;
-        row.map_err(|e| self.failed(doing, e))
+        row.map_err(|e| self.failed(e))
     }
 
-    pub(crate) async fn optional<F, O>(
-        &mut self,
-        doing: &'static str,
-        query: Mapped<'_, F>,
-    ) -> Result<Option<O>, Error>
+    pub(crate) async fn optional<F, O>(&mut self, query: Mapped<'_, F>) -> Result<Option<O>, Error>
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
         O: Send + Unpin,
     {
         let row = query.fetch_optional(self.sql()).await;
-        row.map_err(|e| self.failed(doing, e))
+        row.map_err(|e| self.failed(e))
     }
 
     /// Streams rows, for tables that are too large to hold in memory.
     pub(crate) fn stream<'s, F, O>(
         &'s mut self,
-        doing: &'static str,
         query: Mapped<'s, F>,
     ) -> impl Stream<Item = Result<O, Error>> + Send + Unpin + 's
     where
@@ -288,6 +254,6 @@ impl Connection<'_> {
         let path = Arc::clone(&self.path);
         query
             .fetch(self.sql())
-            .map(move |row| row.map_err(|e| Error::sqlite(doing, &path, e)))
+            .map(move |row| row.map_err(|e| Error::sqlite(&path, e)))
     }
 }

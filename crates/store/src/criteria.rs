@@ -50,7 +50,7 @@ async fn range(
         first,
         last,
     );
-    let rows = connection.all("read criteria", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let criteria = CriteriaRow {
@@ -85,17 +85,11 @@ pub(crate) async fn insert(
         responses,
         seal,
     );
-    if connection.insert(CriteriaRow::TABLE, query).await? {
+    if connection.execute(query).await? > 0 {
         return Ok(true);
     }
-    match range(connection, design, design).await?.pop() {
-        Some(stored) if stored != *row => Err(Error::CriteriaConflict {
-            design: row.design,
-            stored: Box::new(stored),
-            offered: Box::new(row.clone()),
-        }),
-        _ => Ok(false),
-    }
+    row::agree(range(connection, design, design).await?.pop(), row)?;
+    Ok(false)
 }
 
 /// The digest of all criteria: their number and the sums of the halves of their digests.
@@ -104,13 +98,13 @@ pub(crate) async fn digest(connection: &mut Connection<'_>) -> Result<String, Er
         r#"SELECT count(*) AS "count!: i64", coalesce(sum(seal & 4294967295), 0) AS "low!: i64",
                   coalesce(sum((seal >> 32) & 4294967295), 0) AS "high!: i64" FROM criteria"#
     );
-    let row = connection.one("read criteria", query).await?;
+    let row = connection.one(query).await?;
     Ok(format!("{:x}-{:x}-{:x}", row.count, row.low, row.high))
 }
 
 pub(crate) async fn remove(connection: &mut Connection<'_>) -> Result<(), Error> {
     let query = sqlx::query!("DELETE FROM criteria");
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 /// Removes the criteria whose reason begins with `reason`, and returns their number.
@@ -122,5 +116,5 @@ pub(crate) async fn remove_failed(
         "DELETE FROM criteria WHERE substr(reason, 1, length(?1)) = ?1",
         reason
     );
-    connection.remove(query).await
+    connection.execute(query).await
 }

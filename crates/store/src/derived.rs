@@ -90,7 +90,7 @@ impl Row for Derivation {
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<Derivation>, Error> {
     let query =
         sqlx::query!("SELECT name, inputs, output, failure, seal FROM derivation ORDER BY name");
-    let rows = connection.all("read derivations", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let derivation = Derivation {
@@ -119,13 +119,13 @@ pub(crate) async fn replace(
         row.failure,
         seal,
     );
-    connection.insert(Derivation::TABLE, query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 async fn remove_named(connection: &mut Connection<'_>, result: &Derived) -> Result<u64, Error> {
     let name = result.name();
     let query = sqlx::query!("DELETE FROM derivation WHERE name = ?", name);
-    connection.remove(query).await
+    connection.execute(query).await
 }
 
 /// Removes derived results with their derivations. What workers computed for them goes with them, and results

@@ -50,7 +50,7 @@ async fn range(
         first,
         last,
     );
-    let rows = connection.all("read designs", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| connection.check(DesignRow::new(row.design, row.x.0), row.seal))
         .collect()
@@ -90,11 +90,9 @@ async fn insert_one(connection: &mut Connection<'_>, row: &DesignRow) -> Result<
         x,
         seal,
     );
-    if connection.insert(DesignRow::TABLE, query).await? {
+    if connection.execute(query).await? > 0 {
         return Ok(true);
     }
-    if one(connection, row.design).await?.as_ref() != Some(row) {
-        return Err(Error::DesignConflict { design: row.design });
-    }
+    row::agree(one(connection, row.design).await?, row)?;
     Ok(false)
 }

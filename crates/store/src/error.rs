@@ -1,9 +1,8 @@
 //! The errors of a store, with their remedies.
 
+use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-use ledger::StreamId;
 
 /// An error of the store.
 ///
@@ -157,68 +156,26 @@ pub enum Error {
         /// Its log.
         log: PathBuf,
     },
-    /// A sample was submitted again with a different value.
+    /// A row or a sample was submitted again with a different value.
     #[error(
-        "sample {sample} of {stream} is stored as {stored:?} and was offered as {offered:?}: samples must not depend on \
-         who computes them"
+        "{row} of table {table} is stored as {stored} and was offered as {offered}: results must not depend on the \
+         worker that computes them"
     )]
     Conflict {
-        /// The design, optimum or infill point.
-        stream: StreamId,
-        /// The sample's index.
-        sample: u64,
+        /// The table.
+        table: &'static str,
+        /// The row's key, such as "sample 3 of design-17".
+        row: String,
         /// The value in the store.
-        stored: f64,
+        stored: String,
         /// The value that was refused.
-        offered: f64,
+        offered: String,
     },
     /// A sample was submitted of a design that is not in the store.
     #[error("design {design} is not in the store: its variables come before its samples")]
     UnknownDesign {
         /// The design's index.
         design: u64,
-    },
-    /// A design was submitted again with different variables.
-    #[error(
-        "design {design} is stored with other variables than those offered: a campaign file gives \
-         each design once"
-    )]
-    DesignConflict {
-        /// The design's index.
-        design: u64,
-    },
-    /// The criteria of a design were submitted again with different values.
-    #[error(
-        "the criteria of design {design} are stored as {stored:?} and were offered as {offered:?}: \
-         criteria must not depend on who computes them"
-    )]
-    CriteriaConflict {
-        /// The design's index.
-        design: u64,
-        /// The row in the store.
-        stored: Box<crate::CriteriaRow>,
-        /// The row that was refused.
-        offered: Box<crate::CriteriaRow>,
-    },
-    /// An optimiser run was submitted again with a different result.
-    #[error(
-        "{stream} is stored with another result than the one offered: a run \
-         must not depend on who computes it"
-    )]
-    RunConflict {
-        /// The run.
-        stream: StreamId,
-    },
-    /// An evaluation was submitted again with different values.
-    #[error(
-        "evaluation {evaluation} of {stream} is stored with other values than those offered: an \
-         external simulator must answer the same to the same question"
-    )]
-    EvaluationConflict {
-        /// The run, or an infill point.
-        stream: StreamId,
-        /// The index of the evaluation.
-        evaluation: u64,
     },
     /// The store was filled with another gear model.
     #[error(
@@ -263,10 +220,8 @@ pub enum Error {
         value: u64,
     },
     /// A row contradicts the rows it refers to, such as a sample of an unknown design.
-    #[error("rows for table {table} contradict the schema: store what they refer to first")]
+    #[error("rows contradict the schema: store what they refer to first, and each once")]
     Constraint {
-        /// The table that refused the rows.
-        table: &'static str,
         /// The error of SQLite.
         #[source]
         source: Arc<sqlx::Error>,
@@ -297,21 +252,25 @@ pub enum Error {
         source: Arc<std::io::Error>,
     },
     /// Any other SQLite error.
-    #[error("the database cannot {doing}")]
+    #[error("SQLite cannot read or write the store {}", path.display())]
     Sqlite {
-        /// The operation, as a verb.
-        doing: &'static str,
+        /// The store.
+        path: PathBuf,
         /// The error of SQLite.
         #[source]
         source: Arc<sqlx::Error>,
     },
 }
 
+/// Characters of a value in a message.
+const LONGEST_VALUE: usize = 1000;
+
 // Primary result codes, https://www.sqlite.org/rescode.html
 const SQLITE_READONLY: i32 = 8;
 const SQLITE_CORRUPT: i32 = 11;
 const SQLITE_FULL: i32 = 13;
 const SQLITE_CANTOPEN: i32 = 14;
+const SQLITE_CONSTRAINT: i32 = 19;
 const SQLITE_NOTADB: i32 = 26;
 
 impl Error {
@@ -322,10 +281,6 @@ impl Error {
             self,
             Self::Conflict { .. }
                 | Self::UnknownDesign { .. }
-                | Self::DesignConflict { .. }
-                | Self::CriteriaConflict { .. }
-                | Self::RunConflict { .. }
-                | Self::EvaluationConflict { .. }
                 | Self::ModelDigestConflict { .. }
                 | Self::OtherSeed { .. }
                 | Self::NotFinite { .. }
@@ -351,6 +306,23 @@ impl Error {
         }
     }
 
+    pub(crate) fn conflict(table: &'static str, row: String, values: [&dyn Debug; 2]) -> Self {
+        // The result of a run can be long.
+        let [stored, offered] = values.map(|value| {
+            let text = format!("{value:?}");
+            match text.char_indices().nth(LONGEST_VALUE) {
+                Some((end, _)) => format!("{}…", &text[..end]),
+                None => text,
+            }
+        });
+        Self::Conflict {
+            table,
+            row,
+            stored,
+            offered,
+        }
+    }
+
     pub(crate) fn damaged_rows(
         path: &Path,
         table: &'static str,
@@ -365,47 +337,28 @@ impl Error {
         }
     }
 
-    /// Converts an SQLite error to its variant; `doing` completes "the database cannot".
-    pub(crate) fn sqlite(doing: &'static str, path: &Path, source: sqlx::Error) -> Self {
-        match source {
-            sqlx::Error::PoolClosed => return Self::Closed,
-            // A value that its column cannot have, such as a negative count.
-            sqlx::Error::ColumnDecode { .. } => {
-                return Self::Damaged {
-                    path: path.to_owned(),
-                    detail: format!("the database cannot {doing}: {source}"),
-                };
+    /// Converts an SQLite error to its variant.
+    pub(crate) fn sqlite(path: &Path, source: sqlx::Error) -> Self {
+        let path = path.to_owned();
+        match (&source, primary_code(&source)) {
+            (sqlx::Error::PoolClosed, _) => Self::Closed,
+            // A value that its column cannot have, such as a negative count, cannot be decoded.
+            (sqlx::Error::ColumnDecode { .. }, _) | (_, Some(SQLITE_CORRUPT | SQLITE_NOTADB)) => {
+                Self::Damaged {
+                    path,
+                    detail: source.to_string(),
+                }
             }
-            _ => {}
-        }
-        match primary_code(&source) {
-            Some(SQLITE_CORRUPT | SQLITE_NOTADB) => Self::Damaged {
-                path: path.to_owned(),
-                detail: source.to_string(),
+            (_, Some(SQLITE_FULL)) => Self::DiskFull {
+                source: Arc::new(source),
             },
-            Some(SQLITE_FULL) => Self::DiskFull {
+            (_, Some(SQLITE_CONSTRAINT)) => Self::Constraint {
                 source: Arc::new(source),
             },
             _ => Self::Sqlite {
-                doing,
+                path,
                 source: Arc::new(source),
             },
-        }
-    }
-
-    /// Like [`Error::sqlite`], for an insertion into `table`.
-    pub(crate) fn insertion(table: &'static str, path: &Path, source: sqlx::Error) -> Self {
-        use sqlx::error::ErrorKind::{
-            CheckViolation, ForeignKeyViolation, NotNullViolation, UniqueViolation,
-        };
-        match source.as_database_error().map(|e| e.kind()) {
-            Some(CheckViolation | ForeignKeyViolation | NotNullViolation | UniqueViolation) => {
-                Self::Constraint {
-                    table,
-                    source: Arc::new(source),
-                }
-            }
-            _ => Self::sqlite("insert rows", path, source),
         }
     }
 }

@@ -100,7 +100,7 @@ async fn range(
         last.0,
         last.1,
     );
-    let rows = connection.all("read evaluations", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let evaluation = EvaluationRow {
@@ -142,17 +142,11 @@ pub(crate) async fn insert(
         samples,
         seal,
     );
-    if connection.insert(EvaluationRow::TABLE, query).await? {
+    if connection.execute(query).await? > 0 {
         return Ok(true);
     }
     let place = (stream, evaluation);
-    let stored = range(connection, place, place).await?;
-    if stored.first() != Some(row) {
-        return Err(Error::EvaluationConflict {
-            stream: row.stream,
-            evaluation: row.evaluation,
-        });
-    }
+    row::agree(range(connection, place, place).await?.pop(), row)?;
     Ok(false)
 }
 
@@ -168,7 +162,7 @@ pub(crate) async fn remove(
         stream,
         first
     );
-    connection.remove(query).await
+    connection.execute(query).await
 }
 
 /// The first evaluation of each stream that stands for a failure.
@@ -195,7 +189,7 @@ pub(crate) async fn digests(
                   sum((seal >> 32) & 4294967295) AS "high!: i64"
            FROM evaluation GROUP BY stream"#
     );
-    let rows = connection.all("read evaluations", query).await?;
+    let rows = connection.all(query).await?;
     let digests = rows.into_iter().map(|row| {
         let digest = format!("{:x}-{:x}-{:x}", row.count, row.low, row.high);
         (row.stream.0, (row.count, digest))

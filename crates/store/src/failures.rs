@@ -104,7 +104,7 @@ pub(crate) async fn insert(
         row.error,
         row.at_unix_ms,
     );
-    let Some(stored) = connection.optional("store a failure", query).await? else {
+    let Some(stored) = connection.optional(query).await? else {
         return Ok(false);
     };
     let cause = cause(&row.error);
@@ -117,7 +117,8 @@ pub(crate) async fn insert(
         cause,
         stored.failure,
     );
-    connection.insert("failure_tally", query).await
+    connection.execute(query).await?;
+    Ok(true)
 }
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
@@ -126,7 +127,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRo
                   worker, serial, kind AS "kind: FailureKind", error, at_unix_ms
            FROM failure ORDER BY failure"#
     );
-    let rows = connection.all("read failures", query).await?;
+    let rows = connection.all(query).await?;
     let failures = rows.into_iter().map(|row| FailureRow {
         stream: row.stream.0,
         shared: row.shared,
@@ -152,7 +153,7 @@ pub(crate) async fn is_known(
         worker,
         serial,
     );
-    Ok(connection.one("look for a failure", query).await?.known)
+    Ok(connection.one(query).await?.known)
 }
 
 /// The crashes and failures of each stream, without those of leases that had other streams, too.
@@ -172,9 +173,7 @@ pub(crate) async fn histories(
            WHERE NOT shared
            GROUP BY failure.stream ORDER BY failure.stream"#
     );
-    let rows = connection
-        .all("read the failures of streams", query)
-        .await?;
+    let rows = connection.all(query).await?;
     let histories = rows.into_iter().map(|row| StreamHistory {
         stream: row.stream.0,
         last_lease: row.last_lease,
@@ -192,7 +191,7 @@ pub(crate) async fn groups(connection: &mut Connection<'_>) -> Result<Vec<Failur
            FROM failure_tally JOIN failure ON failure = last_failure
            ORDER BY failure_tally.kind, cause"#
     );
-    let rows = connection.all("read the causes of failures", query).await?;
+    let rows = connection.all(query).await?;
     let groups = rows.into_iter().map(|row| FailureGroup {
         kind: row.kind,
         cause: row.cause,

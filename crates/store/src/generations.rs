@@ -10,15 +10,10 @@ use crate::connection::Connection;
 use crate::samples::{self, Streams};
 use crate::values::{StreamKey, key};
 
-const TABLE: &str = "stream_generation";
-
-/// Completes "the database cannot".
-const READING: &str = "read generations";
-
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<BTreeMap<StreamId, u64>, Error> {
     let query =
         sqlx::query!(r#"SELECT stream AS "stream: StreamKey", generation FROM stream_generation"#);
-    let rows = connection.all(READING, query).await?;
+    let rows = connection.all(query).await?;
     let generations = rows
         .into_iter()
         .map(|row| (row.stream.0, row.generation.cast_unsigned()));
@@ -38,7 +33,7 @@ pub(crate) async fn is_stale(
         "SELECT generation FROM stream_generation WHERE stream = ?",
         stream
     );
-    let wanted = connection.optional(READING, query).await?;
+    let wanted = connection.optional(query).await?;
     Ok(wanted.map(|row| row.generation) != Some(generation.cast_signed()))
 }
 
@@ -54,7 +49,7 @@ pub(crate) async fn put(
             generation,
             key,
         );
-        if connection.insert(TABLE, query).await? {
+        if connection.execute(query).await? > 0 {
             samples::remove(connection, Streams::One(*stream)).await?;
         }
         let query = sqlx::query!(
@@ -62,7 +57,7 @@ pub(crate) async fn put(
             key,
             generation,
         );
-        connection.insert(TABLE, query).await?;
+        connection.execute(query).await?;
     }
     Ok(Receipt::new(rows.len() as u64))
 }
@@ -70,5 +65,5 @@ pub(crate) async fn put(
 pub(crate) async fn remove(connection: &mut Connection<'_>, stream: StreamId) -> Result<(), Error> {
     let stream = key(stream);
     let query = sqlx::query!("DELETE FROM stream_generation WHERE stream = ?", stream);
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }

@@ -72,7 +72,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<InfillRow
                   failed AS "failed: bool", seal
            FROM infill ORDER BY infill"#
     );
-    let rows = connection.all("read infill points", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let point = InfillRow {
@@ -111,7 +111,7 @@ pub(crate) async fn insert(connection: &mut Connection<'_>, row: &InfillRow) -> 
         row.failed,
         seal,
     );
-    connection.insert(InfillRow::TABLE, query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 /// Stores whether a point has failed, and its constraint violation.
@@ -125,12 +125,12 @@ pub(crate) async fn mark(connection: &mut Connection<'_>, row: &InfillRow) -> Re
         seal,
         infill,
     );
-    connection.insert(InfillRow::TABLE, query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 /// Removes the points of a round.
 pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Result<(), Error> {
     let round = round.cast_signed();
     let query = sqlx::query!("DELETE FROM infill WHERE round = ?", round);
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }

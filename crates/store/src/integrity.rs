@@ -124,9 +124,7 @@ pub(crate) async fn check(connection: &mut Connection<'_>) -> Result<(), Error> 
 }
 
 pub(crate) async fn check_pages(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let findings: Vec<String> = connection
-        .pragma("check its file", "PRAGMA quick_check(1)")
-        .await?;
+    let findings: Vec<String> = connection.pragma("PRAGMA quick_check(1)").await?;
     if findings != ["ok"] {
         return Err(connection.damaged(findings.join("; ")));
     }

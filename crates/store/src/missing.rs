@@ -7,9 +7,6 @@ use crate::Error;
 use crate::connection::Connection;
 use crate::designs::{self, DesignRow};
 
-/// Completes "the database cannot".
-const LOOKING: &str = "look for missing work";
-
 /// The missing work of a design.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MissingWork {
@@ -48,7 +45,7 @@ pub(crate) async fn work(
         limit,
     );
     let mut missing = BTreeMap::new();
-    for row in connection.all(LOOKING, query).await? {
+    for row in connection.all(query).await? {
         let samples = if row.without_gaps {
             // Without gaps, the missing samples are known without reading any.
             gaps(std::iter::once(0..row.samples), wanted)
@@ -101,7 +98,7 @@ async fn samples(
         design,
         limit,
     );
-    let blocks = connection.all(LOOKING, query).await?;
+    let blocks = connection.all(query).await?;
     let stored = blocks
         .into_iter()
         .map(|row| row.first..row.first + row.samples);

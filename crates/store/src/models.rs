@@ -47,7 +47,7 @@ pub(crate) async fn named(
          WHERE ?1 IS NULL OR name = ?1 ORDER BY name",
         name,
     );
-    let rows = connection.all("read models", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let model = ModelRow {
@@ -70,10 +70,10 @@ pub(crate) async fn replace(connection: &mut Connection<'_>, row: &ModelRow) -> 
         row.summary_json,
         seal,
     );
-    connection.insert(ModelRow::TABLE, query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 pub(crate) async fn remove(connection: &mut Connection<'_>, name: &str) -> Result<(), Error> {
     let query = sqlx::query!("DELETE FROM model WHERE name = ?", name);
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }

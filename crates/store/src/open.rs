@@ -122,9 +122,7 @@ impl Store {
         let connection = if at_once {
             let mut connection = Connection::open(&options, &path).await?;
             // SQLite opens a file that is not writable and reports that only when a row is written.
-            connection
-                .run("lock its file for writing", TRY_TO_WRITE)
-                .await?;
+            connection.run(TRY_TO_WRITE).await?;
             Some(connection)
         } else {
             None
@@ -271,9 +269,7 @@ async fn create(path: &Path, campaign: &CampaignRow, lock: &mut Lock) -> Result<
     schema::create(&mut connection).await?;
     campaign::write(&mut connection, campaign).await?;
     // Before the rename, because a later switch creates a journal, which a kill would leave behind.
-    connection
-        .run("switch to a write-ahead log", "PRAGMA journal_mode = WAL")
-        .await?;
+    connection.run("PRAGMA journal_mode = WAL").await?;
     connection.close().await?;
     if exists(&companions[1])? {
         return Err(Error::Damaged {
@@ -309,18 +305,13 @@ async fn roll_back(path: &Arc<Path>) -> Result<(), Error> {
     }
     let mut connection = Connection::open(&writing(path), path).await?;
     connection
-        .pragma::<i64>(
-            "undo an unfinished transaction",
-            "SELECT count(*) FROM sqlite_schema",
-        )
+        .pragma::<i64>("SELECT count(*) FROM sqlite_schema")
         .await?;
     connection.close().await
 }
 
 async fn is_wal(connection: &mut Connection<'_>) -> Result<bool, Error> {
-    let mode: Vec<String> = connection
-        .pragma("read the journal's mode", "PRAGMA journal_mode")
-        .await?;
+    let mode: Vec<String> = connection.pragma("PRAGMA journal_mode").await?;
     Ok(mode == ["wal"])
 }
 
@@ -361,7 +352,7 @@ async fn readers(reading: &ReadOptions) -> Result<Readers, Error> {
         .connect_with(reading.sqlite.clone())
         .await
         .map(Readers::Pool)
-        .map_err(|e| Error::sqlite("open its file for reading", &reading.path, e))
+        .map_err(|e| Error::sqlite(&reading.path, e))
 }
 
 #[cfg(test)]

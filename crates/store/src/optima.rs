@@ -51,7 +51,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<OptimumRo
                   simulator_calls AS "simulator_calls: u64", cpu_seconds, note, seal
            FROM optimum ORDER BY approach"#
     );
-    let rows = connection.all("read optima", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let optimum = OptimumRow {
@@ -90,10 +90,10 @@ pub(crate) async fn replace(
         row.note,
         seal,
     );
-    connection.insert(OptimumRow::TABLE, query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 pub(crate) async fn remove(connection: &mut Connection<'_>, approach: &str) -> Result<(), Error> {
     let query = sqlx::query!("DELETE FROM optimum WHERE approach = ?", approach);
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }

@@ -52,7 +52,7 @@ pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<Progress, Er
                   (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: u64""#,
         last_design,
     );
-    connection.one("count rows", query).await
+    connection.one(query).await
 }
 
 /// The number of samples of each design, as (design, samples).
@@ -65,7 +65,7 @@ pub(crate) async fn sampled_counts(
            FROM design LEFT JOIN sample_tally ON sample_tally.stream = design.design
            ORDER BY design.design"#
     );
-    let rows = connection.all("count samples", query).await?;
+    let rows = connection.all(query).await?;
     Ok(rows
         .into_iter()
         .map(|row| (row.design, row.samples))

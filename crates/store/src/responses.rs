@@ -45,7 +45,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<ResponseR
                   percentile_variance, lilliefors_p, seal
            FROM response ORDER BY design"#
     );
-    let rows = connection.all("read responses", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let response = ResponseRow {
@@ -82,12 +82,12 @@ pub(crate) async fn replace(
             row.lilliefors_p,
             seal,
         );
-        connection.insert(ResponseRow::TABLE, query).await?;
+        connection.execute(query).await?;
     }
     Ok(())
 }
 
 pub(crate) async fn remove(connection: &mut Connection<'_>) -> Result<(), Error> {
     let query = sqlx::query!("DELETE FROM response");
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }

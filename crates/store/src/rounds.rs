@@ -79,7 +79,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<RoundRow>
                   notes_json, simulator_calls AS "simulator_calls: u64", cpu_seconds, seal
            FROM enrichment_round ORDER BY round"#
     );
-    let rows = connection.all("read rounds", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let round = RoundRow {
@@ -112,7 +112,7 @@ async fn insert_row(connection: &mut Connection<'_>, row: &RoundRow) -> Result<(
         row.cpu_seconds,
         seal,
     );
-    connection.insert(RoundRow::TABLE, query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 /// Stores a round with its points, and marks the earlier points that it found to have failed.
@@ -153,5 +153,5 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Resul
     models::remove(connection, ModelRow::ENRICHED).await?;
     let round = round.cast_signed();
     let query = sqlx::query!("DELETE FROM enrichment_round WHERE round = ?", round);
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }

@@ -3,6 +3,7 @@
 //! It is written with the row and compared at every read, so that a value that was changed on the
 //! disk or by another program is refused with the name of its table and row before it is used.
 
+use std::fmt::Debug;
 use std::path::Path;
 
 use ledger::StreamId;
@@ -163,4 +164,17 @@ pub(crate) fn check<R: Row>(row: R, seal: i64, path: &Path) -> Result<R, Error> 
     let detail = "its values do not match the digest that it was stored with: something other than this program has \
                   changed it";
     Err(Error::damaged_rows(path, R::TABLE, row.key(), detail))
+}
+
+/// Refuses a row that differs from the stored one.
+pub(crate) fn agree<R: Row + Debug + PartialEq>(
+    stored: Option<R>,
+    offered: &R,
+) -> Result<(), Error> {
+    match stored {
+        Some(stored) if stored != *offered => {
+            Err(Error::conflict(R::TABLE, offered.key(), [&stored, offered]))
+        }
+        _ => Ok(()),
+    }
 }

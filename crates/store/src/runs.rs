@@ -49,7 +49,7 @@ async fn range(
         first,
         last,
     );
-    let rows = connection.all("read optimiser runs", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let run = OptimiserRunRow {
@@ -83,15 +83,15 @@ pub(crate) async fn insert(
         row.cpu_seconds,
         seal,
     );
-    if connection.insert(OptimiserRunRow::TABLE, query).await? {
+    if connection.execute(query).await? > 0 {
         return Ok(true);
     }
-    // The processor time is measured and differs between attempts.
-    let result = |row: &OptimiserRunRow| (row.result_json.clone(), row.simulator_calls);
-    let stored = range(connection, stream, stream).await?.pop();
-    if stored.as_ref().map(result) != Some(result(row)) {
-        return Err(Error::RunConflict { stream: row.stream });
+    let mut stored = range(connection, stream, stream).await?.pop();
+    if let Some(stored) = &mut stored {
+        // It is measured and differs between attempts.
+        stored.cpu_seconds = row.cpu_seconds;
     }
+    row::agree(stored, row)?;
     Ok(false)
 }
 
@@ -102,5 +102,5 @@ pub(crate) async fn remove(
 ) -> Result<u64, Error> {
     let stream = key(stream);
     let query = sqlx::query!("DELETE FROM optimiser_run WHERE stream = ?", stream);
-    connection.remove(query).await
+    connection.execute(query).await
 }

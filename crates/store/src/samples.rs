@@ -2,6 +2,7 @@
 //! stream.
 
 use std::collections::BTreeMap;
+use std::fmt::Debug;
 
 use ledger::{Kind, StreamId};
 use tokio_stream::StreamExt as _;
@@ -17,9 +18,6 @@ use crate::values::{Numbers, StreamKey, bytes, key, number};
 /// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
 /// reader.
 const LONGEST: usize = 4096;
-
-/// Completes "the database cannot".
-const READING: &str = "read samples";
 
 /// Consecutive samples of one stream.
 #[derive(Debug, Clone, PartialEq)]
@@ -193,12 +191,9 @@ fn fresh(
                 receipts[offer.owner].count(false);
             }
             Some((_, value)) => {
-                return Err(Error::Conflict {
-                    stream: offer.stream,
-                    sample: offer.sample,
-                    stored: *value,
-                    offered: offer.value,
-                });
+                let row = format!("sample {} of {}", offer.sample, offer.stream);
+                let values: [&dyn Debug; 2] = [value, &offer.value];
+                return Err(Error::conflict(SampleBlock::TABLE, row, values));
             }
             None => {
                 append(&mut fresh, offer.stream, offer.sample, offer.value);
@@ -260,18 +255,13 @@ async fn insert_blocks(
         "",
     ];
     connection
-        .insert_many(
-            SampleBlock::TABLE,
-            statement,
-            &rows,
-            |values, (block, seal)| {
-                values
-                    .push_bind(key(block.stream))
-                    .push_bind(block.first_sample.cast_signed())
-                    .push_bind(bytes(&block.samples))
-                    .push_bind(*seal);
-            },
-        )
+        .insert_many(statement, &rows, |values, (block, seal)| {
+            values
+                .push_bind(key(block.stream))
+                .push_bind(block.first_sample.cast_signed())
+                .push_bind(bytes(&block.samples))
+                .push_bind(*seal);
+        })
         .await
 }
 
@@ -296,7 +286,7 @@ async fn between(
         first,
         last,
     );
-    let rows = connection.all(READING, query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let block = SampleBlock {
@@ -328,7 +318,7 @@ pub(crate) async fn visit<E: From<Error>>(
         first,
         last,
     );
-    let mut rows = moment.stream(READING, query);
+    let mut rows = moment.stream(query);
     while let Some(row) = rows.next().await {
         let row = row?;
         let block = SampleBlock {
@@ -367,7 +357,7 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) ->
         first,
         last
     );
-    connection.remove(query).await?;
+    connection.execute(query).await?;
     tally::remove(connection, streams).await
 }
 

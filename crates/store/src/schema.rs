@@ -57,9 +57,7 @@ pub(crate) fn is_marked(path: &Path) -> Result<bool, Error> {
 pub(crate) async fn inspect(file: &ReadOptions) -> Result<Connection<'static>, Error> {
     let path = &file.path;
     let mut connection = file.connect().await?;
-    let application_id: Vec<i64> = connection
-        .pragma("read the schema", "PRAGMA application_id")
-        .await?;
+    let application_id: Vec<i64> = connection.pragma("PRAGMA application_id").await?;
     let application_id = application_id.first().copied().unwrap_or(0);
     if application_id != APPLICATION_ID {
         return Err(Error::NotAStore {
@@ -68,7 +66,7 @@ pub(crate) async fn inspect(file: &ReadOptions) -> Result<Connection<'static>, E
         });
     }
     let query = sqlx::query!("SELECT version, checksum FROM _sqlx_migrations ORDER BY version");
-    let applied = connection.all("read the schema", query).await?;
+    let applied = connection.all(query).await?;
     let ours = MIGRATOR.iter().map(|m| (Some(m.version), &*m.checksum));
     if !ours.eq(applied.iter().map(|row| (row.version, &*row.checksum))) {
         return Err(Error::OtherSchema {
@@ -84,9 +82,9 @@ pub(crate) async fn create(connection: &mut Connection<'_>) -> Result<(), Error>
     let made = MIGRATOR.run(transaction.sql()).await;
     made.map_err(|error| match error {
         MigrateError::Execute(error) | MigrateError::ExecuteMigration(error, _) => {
-            transaction.failed("make its tables", error)
+            transaction.failed(error)
         }
-        other => transaction.failed("make its tables", other.into()),
+        other => transaction.failed(other.into()),
     })?;
     fail_point::at("creation");
     transaction.commit().await

@@ -147,7 +147,7 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`Error::DesignConflict`] if one is stored with other variables.
+    /// [`Error::Conflict`] if one is stored with other variables.
     pub async fn put_designs(&self, rows: &[DesignRow]) -> Result<Receipt, Error> {
         self.put(Change::Designs(rows.to_vec())).await
     }

@@ -91,7 +91,7 @@ pub(crate) async fn all(
         first,
         last,
     );
-    let rows = connection.all("read the tallies of samples", query).await?;
+    let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let tally = SampleTally {
@@ -129,7 +129,7 @@ pub(crate) async fn replace(
         "",
     ];
     connection
-        .insert_many(TallyRow::TABLE, statement, &rows, |values, (row, seal)| {
+        .insert_many(statement, &rows, |values, (row, seal)| {
             values
                 .push_bind(key(row.stream))
                 .push_bind(row.tally.samples.cast_signed())
@@ -148,7 +148,7 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) ->
         first,
         last
     );
-    connection.remove(query).await.map(drop)
+    connection.execute(query).await.map(drop)
 }
 
 /// The digest of all samples of the tallies.

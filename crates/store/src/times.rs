@@ -33,7 +33,7 @@ pub(crate) async fn jobs(connection: &mut Connection<'_>) -> Result<Vec<JobTimeR
         r#"SELECT stream AS "stream: StreamKey", part AS "part: u64", cpu_seconds
            FROM job_time ORDER BY stream, part"#
     );
-    let rows = connection.all("read what jobs cost", query).await?;
+    let rows = connection.all(query).await?;
     let times = rows.into_iter().map(|row| JobTimeRow {
         stream: row.stream.0,
         part: row.part,
@@ -52,7 +52,7 @@ pub(crate) async fn insert_jobs(
         " ON CONFLICT DO NOTHING",
     ];
     connection
-        .insert_many("job_time", statement, rows, |values, row| {
+        .insert_many(statement, rows, |values, row| {
             values
                 .push_bind(key(row.stream))
                 .push_bind(row.part.cast_signed())
@@ -63,7 +63,7 @@ pub(crate) async fn insert_jobs(
 
 pub(crate) async fn stages(connection: &mut Connection<'_>) -> Result<Vec<StageTimeRow>, Error> {
     let query = sqlx::query!("SELECT stage, wall_seconds FROM stage_time ORDER BY stage");
-    let rows = connection.all("read how long stages took", query).await?;
+    let rows = connection.all(query).await?;
     let times = rows.into_iter().map(|row| StageTimeRow {
         stage: row.stage,
         wall_seconds: row.wall_seconds,
@@ -81,6 +81,6 @@ pub(crate) async fn replace_stage(
         row.stage,
         row.wall_seconds,
     );
-    connection.insert("stage_time", query).await?;
+    connection.execute(query).await?;
     Ok(Receipt::new(1))
 }

@@ -47,8 +47,7 @@ impl Writer {
     ///
     /// # Errors
     ///
-    /// - [`Error::Conflict`], [`Error::CriteriaConflict`],
-    ///   [`Error::RunConflict`]: a row is stored with another value. [`Error::NotFinite`],
+    /// - [`Error::Conflict`]: a row is stored with another value. [`Error::NotFinite`],
     ///   [`Error::TooLarge`], [`Error::Constraint`]: a row cannot be stored. Other batches are not
     ///   affected, and [`Error::is_refusal`] is true.
     /// - [`Error::DiskFull`], [`Error::Sqlite`]: not acknowledged. Submitting the batch again is
@@ -200,12 +199,7 @@ impl Task {
         };
         fail_point::at("checkpoint");
         // Passive: the part that readers still need stays in the log until another time.
-        let result = connection
-            .run(
-                "move the log into its file",
-                "PRAGMA wal_checkpoint(PASSIVE)",
-            )
-            .await;
+        let result = connection.run("PRAGMA wal_checkpoint(PASSIVE)").await;
         if let Err(error) = result {
             // Nothing is lost: the log still holds the rows.
             tracing::warn!(%error, "the log could not be moved into the store's file");
@@ -270,12 +264,7 @@ impl Task {
         fail_point::at("checkpoint");
         // A reader elsewhere may keep part of the log in use. The statement reports that in its
         // row, not as an error, and the only cost is the log's size.
-        connection
-            .run(
-                "move the log into its file",
-                "PRAGMA wal_checkpoint(TRUNCATE)",
-            )
-            .await?;
+        connection.run("PRAGMA wal_checkpoint(TRUNCATE)").await?;
         connection.close().await
     }
 }
