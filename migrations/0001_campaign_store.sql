@@ -216,6 +216,13 @@ CREATE TABLE job_time (
     PRIMARY KEY (stream, part)
 ) STRICT, WITHOUT ROWID;
 
+-- The stage that the campaign waits for, as the last coordinator saw it.
+CREATE TABLE stage (
+    one   INTEGER NOT NULL PRIMARY KEY CHECK (one = 1),
+    -- Its name in `coordinator status`; 'done' once nothing is left.
+    stage TEXT    NOT NULL
+) STRICT;
+
 -- How long each stage was the one that the campaign waited for, while a coordinator ran: at most the last minute
 -- before a coordinator was killed is missing.
 CREATE TABLE stage_time (

@@ -12,7 +12,6 @@ use ledger::{StreamId, Unit};
 use stages::derived;
 use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};
-use stages::stage::Stage;
 use stages::state::{OpenDesign, State, VerifyPoint};
 use stages::verification::Sizes;
 use stages::wanted::{self, Asked};
@@ -88,7 +87,7 @@ impl Engine {
     ) -> anyhow::Result<Option<Ended>> {
         let mut watch = Stopwatch::new(&self.store).await?;
         let ended = self.stages(shutdown, waits_for_workers, &mut watch).await?;
-        watch.enter(Stage::Done).await?;
+        watch.stop().await?;
         Ok(ended)
     }
 

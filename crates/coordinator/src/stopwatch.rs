@@ -1,4 +1,4 @@
-//! How long each stage takes.
+//! The current stage, and how long each stage takes.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use stages::stage::Stage;
 use store::{StageTimeRow, Store};
 
-/// What a stage took is stored this often while it lasts, so that a coordinator that is killed loses no more.
+/// Interval at which the time of the current stage is stored: a coordinator that is killed loses no more.
 const STORED_EVERY: Duration = Duration::from_secs(60);
 
 /// Measures the stages of a campaign, on top of what earlier coordinators measured.
@@ -14,38 +14,56 @@ pub(crate) struct Stopwatch {
     store: Store,
     /// Seconds by stage, as stored.
     stored: BTreeMap<String, f64>,
-    /// The present stage, and when what it took was stored last.
+    /// The current stage, as stored.
+    current: Option<Stage>,
+    /// The stage that is measured, and when its time was stored last.
     running: Option<(Stage, Instant)>,
 }
 
 impl Stopwatch {
-    /// A stopwatch that stands.
+    /// Creates a stopped stopwatch.
     pub(crate) async fn new(store: &Store) -> Result<Self, store::Error> {
         let rows = store.stage_times().await?.into_iter();
+        let current = store.stage().await?;
         Ok(Self {
             store: store.clone(),
             stored: rows.map(|row| (row.stage, row.wall_seconds)).collect(),
+            current: current.and_then(|name| Stage::named(&name)),
             running: None,
         })
     }
 
-    /// Says which stage goes on from now on; [`Stage::Done`] stops the watch.
+    /// Stores the stage that the campaign waits for from now on.
     pub(crate) async fn enter(&mut self, stage: Stage) -> Result<(), store::Error> {
+        if self.current != Some(stage) {
+            self.store.put_stage(stage.name()).await?;
+            self.current = Some(stage);
+        }
+        self.measure(Some(stage).filter(|stage| *stage != Stage::Done))
+            .await
+    }
+
+    /// Stores the time of the current stage, and measures none from now on.
+    pub(crate) async fn stop(&mut self) -> Result<(), store::Error> {
+        self.measure(None).await
+    }
+
+    async fn measure(&mut self, stage: Option<Stage>) -> Result<(), store::Error> {
         let now = Instant::now();
         if let Some((last, since)) = self.running {
             let elapsed = now - since;
-            if stage == last && elapsed < STORED_EVERY {
+            if stage == Some(last) && elapsed < STORED_EVERY {
                 return Ok(());
             }
-            let held = self.stored.entry(last.name().to_owned()).or_default();
-            *held += elapsed.as_secs_f64();
+            let seconds = self.stored.entry(last.name().to_owned()).or_default();
+            *seconds += elapsed.as_secs_f64();
             let row = StageTimeRow {
                 stage: last.name().to_owned(),
-                wall_seconds: *held,
+                wall_seconds: *seconds,
             };
             self.store.put_stage_time(&row).await?;
         }
-        self.running = (stage != Stage::Done).then_some((stage, now));
+        self.running = stage.map(|stage| (stage, now));
         Ok(())
     }
 }
@@ -86,6 +104,7 @@ mod tests {
             watch.enter(stage).await.unwrap();
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
+        assert_eq!(store.stage().await.unwrap().as_deref(), Some("done"));
         let times = store.stage_times().await.unwrap();
         let [doe, sample] = &times[..] else {
             panic!("{times:?}");

@@ -256,34 +256,11 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let optima: Vec<Optimum> = found.iter().map(|one| Optimum::of(&problem, one)).collect();
     let wanted = u64::from(campaign.doe.designs);
     let per_design = u64::from(campaign.sampling.samples_per_design);
-    // How many samples a precision takes is known only at the end.
-    let sampled = progress.responses > 0
-        || campaign.sampling.precision_um.is_none()
-            && progress.designs == wanted
-            && progress.criteria_done == wanted
-            && progress.samples >= (progress.simulable - progress.ruled_out) * per_design;
-    let verified = optima
-        .iter()
-        .all(|optimum| optimum.verified.done >= optimum.verified.wanted);
-    // Later stages speak for earlier ones: designs that were quarantined stay without samples.
-    let chosen = |approach| found.of(approach).is_some();
-    let all_chosen = problem.approaches().all(chosen);
     let enrichment = enrichment(store, &tallies).await?;
-    let is_left = |approach| approach != campaign::Approach::EnrichedKriging && !chosen(approach);
-    let only_enriched = !all_chosen && !problem.approaches().any(is_left);
-    let stage = if progress.designs < wanted {
-        Stage::Doe
-    } else if all_chosen {
-        if verified { Stage::Done } else { Stage::Verify }
-    } else if only_enriched {
-        Stage::Enrich
-    } else if progress.models > 0 || chosen(campaign::Approach::Kriging) {
-        Stage::Optimise
-    } else if sampled || chosen(campaign::Approach::BestOfDoe) {
-        Stage::Fit
-    } else {
-        Stage::Sample
-    };
+    let stage = store.stage().await?;
+    let stage = stage.and_then(|name| Stage::named(&name));
+    // Before the first coordinator has seen the campaign, nothing is made.
+    let stage = stage.unwrap_or(Stage::Doe);
     let mut warnings = doubts::of(store, &problem).await?;
     if stage == Stage::Done {
         let open = store

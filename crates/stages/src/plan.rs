@@ -61,6 +61,8 @@ pub struct Next {
     streams: BTreeSet<StreamId>,
     /// Whether designs may be on the board.
     has_base: bool,
+    /// Whether verification samples are missing, be it that they were quarantined.
+    is_unverified: bool,
 }
 
 impl Next {
@@ -77,7 +79,7 @@ impl Next {
             Some(LocalStep::Choose(_)) => Stage::Optimise,
             None if !self.runs.is_empty() => Stage::Optimise,
             None if self.points.iter().any(is_infill) => Stage::Enrich,
-            None if !self.points.is_empty() => Stage::Verify,
+            None if !self.points.is_empty() || self.is_unverified => Stage::Verify,
             None => Stage::Done,
         }
     }
@@ -139,6 +141,7 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     let runs = wanted.into_iter().filter(is_open).collect();
     let mut points = verify_points(campaign, state);
     points.retain(|point| !point.is_complete());
+    let is_unverified = !points.is_empty();
     // Also those whose last samples came while the state was read: the next pass sees them settled.
     points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| !state.quarantined.contains(&StreamId::point(point.number)));
@@ -158,6 +161,7 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
         inputs: inputs.unwrap_or_default(),
         streams,
         has_base: standing.base.is_some(),
+        is_unverified,
     }
 }
 

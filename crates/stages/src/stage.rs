@@ -35,6 +35,13 @@ impl Stage {
         Self::Verify,
     ];
 
+    /// The stage of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let all = Self::WORK.into_iter().chain([Self::Done]);
+        all.into_iter().find(|stage| stage.name() == name)
+    }
+
     /// The name in the store and in messages.
     #[must_use]
     pub const fn name(self) -> &'static str {

@@ -24,6 +24,7 @@ pub(crate) enum Change {
     /// Replaces the model of the DoE, or removes it if the fit has failed.
     Model(Option<ModelRow>, Derivation),
     Optimum(Box<OptimumRow>, Derivation),
+    Stage(String),
     StageTime(StageTimeRow),
     Round(NewRound, Derivation),
     Derivation(Derivation),
@@ -112,6 +113,7 @@ async fn one(connection: &mut Connection<'_>, change: &Change) -> Result<Receipt
             derived::replace(connection, derivation).await?;
             Ok(Receipt::new(1))
         }
+        Change::Stage(stage) => times::replace_current(connection, stage).await,
         Change::StageTime(row) => times::replace_stage(connection, row).await,
         Change::Round(new, derivation) => {
             let receipt = rounds::insert(connection, new).await?;

@@ -396,6 +396,25 @@ impl Store {
         times::jobs(&mut self.reader().await?).await
     }
 
+    /// The name of the stage that the campaign waits for, as the last coordinator saw it; `None` before the
+    /// first one.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read.
+    pub async fn stage(&self) -> Result<Option<String>, Error> {
+        times::stage(&mut self.reader().await?).await
+    }
+
+    /// Stores the name of the stage that the campaign waits for.
+    ///
+    /// # Errors
+    ///
+    /// The store is read-only, or cannot be written.
+    pub async fn put_stage(&self, stage: &str) -> Result<(), Error> {
+        self.put(Change::Stage(stage.to_owned())).await.map(drop)
+    }
+
     /// Wall times of the stages, by name.
     pub async fn stage_times(&self) -> Result<Vec<StageTimeRow>, Error> {
         times::stages(&mut self.reader().await?).await

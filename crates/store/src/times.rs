@@ -1,4 +1,4 @@
-//! Measured times. They are no results, so they have no digests and are never compared.
+//! The current stage, and measured times. They are no results, so they have no digests and are never compared.
 
 use ledger::StreamId;
 
@@ -59,6 +59,23 @@ pub(crate) async fn insert_jobs(
                 .push_bind(row.cpu_seconds);
         })
         .await
+}
+
+/// The name of the current stage; `None` before the first coordinator has seen one.
+pub(crate) async fn stage(connection: &mut Connection<'_>) -> Result<Option<String>, Error> {
+    let query = sqlx::query!("SELECT stage FROM stage");
+    let rows = connection.all(query).await?;
+    Ok(rows.into_iter().next().map(|row| row.stage))
+}
+
+/// Stores the name of the current stage in the place of the one before.
+pub(crate) async fn replace_current(
+    connection: &mut Connection<'_>,
+    stage: &str,
+) -> Result<Receipt, Error> {
+    let query = sqlx::query!("INSERT OR REPLACE INTO stage (one, stage) VALUES (1, ?)", stage);
+    connection.execute(query).await?;
+    Ok(Receipt::new(1))
 }
 
 pub(crate) async fn stages(connection: &mut Connection<'_>) -> Result<Vec<StageTimeRow>, Error> {
