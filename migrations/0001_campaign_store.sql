@@ -113,7 +113,8 @@ CREATE TABLE evaluation (
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE optimum (
-    approach        TEXT    NOT NULL PRIMARY KEY,
+    -- The point that the optimum is verified at: its number is its approach's.
+    stream          INTEGER NOT NULL PRIMARY KEY,
     -- An object of every variable's value by name.
     x_json          TEXT    NOT NULL,
     -- What the approach minimised.

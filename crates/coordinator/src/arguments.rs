@@ -12,7 +12,6 @@ use gateway::address;
 use gateway::client::ConnectArguments;
 use results::export::Table;
 use results::table::Format;
-use stages::optima::approach_of;
 use store::FailPoint;
 use worker::SimulatorArguments;
 
@@ -322,7 +321,7 @@ pub(crate) struct Exported {
 }
 
 fn approach_of_name(name: &str) -> Result<Approach, String> {
-    approach_of(name).ok_or_else(|| {
+    Approach::named(name).ok_or_else(|| {
         let known = Approach::ALL.map(Approach::name).join(", ");
         format!("the approaches are: {known}")
     })

@@ -16,7 +16,7 @@ use stages::linear::LinearResponse;
 use stages::optima::Optimum;
 use stages::rounds::{self, Round};
 use stages::statistics::{Collector, Computed};
-use stages::{choosing, constraints, derived, designs, responses};
+use stages::{choosing, constraints, derived, designs, names, responses};
 use store::{Derivation, Derived, InfillRow, ModelRow, Store};
 use tokio::sync::{Mutex, MutexGuard};
 use tracing::{debug, info, warn};
@@ -301,7 +301,7 @@ impl Steps {
             }
             None => warn!(approach, %note, "no feasible optimum"),
         }
-        let of = Derived::Optimum(approach.to_owned());
+        let of = Derived::Optimum(names::verification(optimum.approach));
         let derivation = Derivation::new(&of, inputs);
         let row = optimum.row(&self.problem)?;
         self.store.put_optimum(&row, &derivation).await?;

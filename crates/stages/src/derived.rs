@@ -230,7 +230,7 @@ impl<'a> Standing<'a> {
             }
         }
         for &approach in self.state.optima.keys() {
-            let result = Derived::Optimum(approach.name().to_owned());
+            let result = Derived::Optimum(names::verification(approach));
             if !self.is_settled(approach) || self.differs(&result, &self.optimum_inputs(approach)) {
                 outdated.push(result);
             } else if self.state.stale.contains(&approach) {

@@ -9,8 +9,8 @@ use serde_json::{Map, Value, json};
 use store::{OptimumRow, Store};
 
 use crate::cost::Cost;
-use crate::plan;
 use crate::state::State;
+use crate::{names, plan};
 
 /// What an approach ended with: a design, or the reason why there is none.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +34,7 @@ impl Optimum {
     pub fn row(&self, problem: &Problem) -> serde_json::Result<OptimumRow> {
         let found = self.found.as_ref();
         Ok(OptimumRow {
-            approach: self.approach.name().to_owned(),
+            stream: names::verification(self.approach),
             x_json: design_to_json(
                 problem,
                 found.map(|found| &found.design).map_err(|none| *none),
@@ -55,8 +55,8 @@ impl Optimum {
     ///
     /// The row is not of this problem, or not what this version writes.
     pub fn read(problem: &Problem, row: OptimumRow) -> anyhow::Result<Self> {
-        let of = || format!("the stored optimum of {:?}", row.approach);
-        let approach = approach_of(&row.approach).with_context(of)?;
+        let of = || format!("the stored optimum of {}", row.stream);
+        let approach = Approach::numbered(row.stream.index).with_context(of)?;
         let criteria: Option<Criteria> =
             serde_json::from_str(&row.criteria_json).with_context(of)?;
         Ok(Self {
@@ -99,14 +99,6 @@ impl Optimum {
             _ => self.note.clone(),
         })
     }
-}
-
-/// The approach of that name.
-#[must_use]
-pub fn approach_of(name: &str) -> Option<Approach> {
-    Approach::ALL
-        .into_iter()
-        .find(|approach| approach.name() == name)
 }
 
 /// Why an approach has no optimum.

@@ -23,8 +23,8 @@ pub enum Derived {
     Run(StreamId),
     /// A round of infill, and the model of the enrichment's end.
     Round(u64),
-    /// The optimum of an approach.
-    Optimum(String),
+    /// The optimum that is verified at this point.
+    Optimum(StreamId),
     /// The samples of an optimum.
     Verification(StreamId),
 }
@@ -39,7 +39,7 @@ impl Derived {
             Self::Model => "model".to_owned(),
             Self::Run(stream) => stream.to_string(),
             Self::Round(round) => format!("round {round}"),
-            Self::Optimum(approach) => format!("optimum {approach}"),
+            Self::Optimum(stream) => format!("optimum {stream}"),
             Self::Verification(stream) => format!("verification {stream}"),
         }
     }
@@ -147,7 +147,7 @@ pub(crate) async fn remove(
                 forget_stream(connection, *stream).await?;
             }
             Derived::Round(round) => rounds::remove(connection, *round).await?,
-            Derived::Optimum(approach) => optima::remove(connection, approach).await?,
+            Derived::Optimum(stream) => optima::remove(connection, *stream).await?,
             Derived::Verification(stream) => {
                 samples::remove(connection, Streams::One(*stream)).await?;
                 forget_stream(connection, *stream).await?;

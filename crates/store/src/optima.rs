@@ -1,14 +1,17 @@
 //! The optima of approaches.
 
+use ledger::StreamId;
+
 use crate::Error;
 use crate::connection::Connection;
 use crate::row::{self, Columns, Row};
+use crate::values::{StreamKey, key};
 
 /// The best design of one approach.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OptimumRow {
-    /// The problem formulation.
-    pub approach: String,
+    /// The point at which the optimum is verified; its index is the number of the approach.
+    pub stream: StreamId,
     /// The values of all variables, as a JSON object keyed by name.
     pub x_json: String,
     /// What the approach minimised.
@@ -29,12 +32,12 @@ impl Row for OptimumRow {
     const TABLE: &'static str = "optimum";
 
     fn key(&self) -> String {
-        format!("approach {:?}", self.approach)
+        self.stream.to_string()
     }
 
     fn add_to(&self, columns: &mut Columns) {
         columns
-            .text(&self.approach)
+            .stream(self.stream)
             .text(&self.x_json)
             .number("criterion", self.criterion)
             .bits(self.feasible.into())
@@ -47,15 +50,15 @@ impl Row for OptimumRow {
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<OptimumRow>, Error> {
     let query = sqlx::query!(
-        r#"SELECT approach, x_json, criterion, feasible AS "feasible: bool", criteria_json,
+        r#"SELECT stream AS "stream: StreamKey", x_json, criterion, feasible AS "feasible: bool", criteria_json,
                   simulator_calls AS "simulator_calls: u64", cpu_seconds, note, seal
-           FROM optimum ORDER BY approach"#
+           FROM optimum ORDER BY stream"#
     );
     let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let optimum = OptimumRow {
-                approach: row.approach,
+                stream: row.stream.0,
                 x_json: row.x_json,
                 criterion: row.criterion,
                 feasible: row.feasible,
@@ -75,12 +78,13 @@ pub(crate) async fn replace(
     row: &OptimumRow,
 ) -> Result<(), Error> {
     let seal = row::seal(row)?;
+    let stream = key(row.stream);
     let calls = row.simulator_calls.cast_signed();
     let query = sqlx::query!(
-        "INSERT OR REPLACE INTO optimum (approach, x_json, criterion, feasible, criteria_json,
+        "INSERT OR REPLACE INTO optimum (stream, x_json, criterion, feasible, criteria_json,
              simulator_calls, cpu_seconds, note, seal)
          VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-        row.approach,
+        stream,
         row.x_json,
         row.criterion,
         row.feasible,
@@ -93,7 +97,8 @@ pub(crate) async fn replace(
     connection.execute(query).await.map(drop)
 }
 
-pub(crate) async fn remove(connection: &mut Connection<'_>, approach: &str) -> Result<(), Error> {
-    let query = sqlx::query!("DELETE FROM optimum WHERE approach = ?", approach);
+pub(crate) async fn remove(connection: &mut Connection<'_>, stream: StreamId) -> Result<(), Error> {
+    let stream = key(stream);
+    let query = sqlx::query!("DELETE FROM optimum WHERE stream = ?", stream);
     connection.execute(query).await.map(drop)
 }

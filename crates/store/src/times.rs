@@ -73,7 +73,10 @@ pub(crate) async fn replace_current(
     connection: &mut Connection<'_>,
     stage: &str,
 ) -> Result<Receipt, Error> {
-    let query = sqlx::query!("INSERT OR REPLACE INTO stage (one, stage) VALUES (1, ?)", stage);
+    let query = sqlx::query!(
+        "INSERT OR REPLACE INTO stage (one, stage) VALUES (1, ?)",
+        stage
+    );
     connection.execute(query).await?;
     Ok(Receipt::new(1))
 }

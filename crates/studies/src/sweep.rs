@@ -277,7 +277,10 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
         line.push(criteria.map(|criteria| criteria.normal_module_mm).into());
         line.extend(criteria_cells(criteria.as_ref()));
         let remark = optimum.found_or_sentence().err();
-        line.extend(row![optimum.cost.simulator_calls, remark.unwrap_or_default()]);
+        line.extend(row![
+            optimum.cost.simulator_calls,
+            remark.unwrap_or_default()
+        ]);
         table.rows.push(line);
     }
     table

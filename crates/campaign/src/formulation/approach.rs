@@ -52,6 +52,13 @@ impl Approach {
         }
     }
 
+    /// The approach of this name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let mut all = Self::ALL.into_iter();
+        all.find(|approach| approach.name() == name)
+    }
+
     /// The approach with this number.
     #[must_use]
     pub fn numbered(number: u64) -> Option<Self> {

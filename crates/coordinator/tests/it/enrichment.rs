@@ -87,8 +87,8 @@ async fn found(path: &Path) -> Found {
     let status = status::read(&store).await.unwrap();
     assert!(status.finished, "{status:?}");
     let optima = store.optima().await.unwrap();
-    let name = Approach::EnrichedKriging.name();
-    let optimum = optima.into_iter().find(|row| row.approach == name);
+    let point = StreamId::point(Approach::EnrichedKriging.number());
+    let optimum = optima.into_iter().find(|row| row.stream == point);
     let rounds = store.rounds().await.unwrap().into_iter();
     let model = store.model(ModelRow::ENRICHED).await.unwrap();
     Found {

@@ -252,8 +252,8 @@ fn an_extension_keeps_what_does_not_depend_on_the_doe() {
     let next = world.next();
     assert!(next.outdated.contains(&Derived::Model));
     let is_kept = |approach: Approach| {
-        let name = approach.name().to_owned();
-        !next.outdated.contains(&Derived::Optimum(name))
+        let optimum = Derived::Optimum(names::verification(approach));
+        !next.outdated.contains(&optimum)
     };
     assert!(is_kept(Approach::Nominal) && !is_kept(Approach::Kriging));
     let before = world.steps.len();

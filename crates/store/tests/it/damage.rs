@@ -310,7 +310,7 @@ async fn with_every_row(path: &Path) {
         .await
         .unwrap();
     let optimum = OptimumRow {
-        approach: "kriging".into(),
+        stream: StreamId::point(3),
         x_json: "{\"x_p\":0.5}".into(),
         criterion: 0.75,
         feasible: true,
@@ -320,7 +320,7 @@ async fn with_every_row(path: &Path) {
         note: String::new(),
     };
     store
-        .put_optimum(&optimum, &optimum_of(&optimum.approach))
+        .put_optimum(&optimum, &optimum_of(&optimum))
         .await
         .unwrap();
     store
@@ -388,15 +388,11 @@ async fn an_edited_row_of_any_table_is_named() {
             "name \"doe\"",
             "UPDATE model SET json = replace(json, '1.5', '1.6')",
         ),
+        ("optimum", "point-3", "UPDATE optimum SET criterion = 0.7"),
         (
             "optimum",
-            "approach \"kriging\"",
-            "UPDATE optimum SET criterion = 0.7",
-        ),
-        (
-            "optimum",
-            "approach \"simulator\"",
-            "INSERT INTO optimum SELECT 'simulator', x_json, criterion, feasible, criteria_json,
+            "point-4",
+            "INSERT INTO optimum SELECT stream + 1, x_json, criterion, feasible, criteria_json,
                 simulator_calls, cpu_seconds, note, seal FROM optimum",
         ),
         (
@@ -556,7 +552,7 @@ async fn rows_that_the_program_changes_stay_sound() {
     let mut optimum = store.optima().await.unwrap().remove(0);
     optimum.criterion = -0.0;
     store
-        .put_optimum(&optimum, &optimum_of(&optimum.approach))
+        .put_optimum(&optimum, &optimum_of(&optimum))
         .await
         .unwrap();
     let larger = store::CampaignRow {

@@ -14,6 +14,8 @@ use crate::{
 
 const RUN: StreamId = StreamId::run(3, 0);
 const OTHER_RUN: StreamId = StreamId::run(1, 0);
+const OPTIMUM: StreamId = StreamId::point(3);
+const OTHER_OPTIMUM: StreamId = StreamId::point(1);
 const REFERENCE: StreamId = StreamId::point(17);
 
 fn larger() -> CampaignRow {
@@ -70,9 +72,9 @@ async fn finished(store: &Store) {
         .put_model(Some(&model), &from(&Derived::Model))
         .await
         .unwrap();
-    for approach in ["deterministic", "kriging"] {
+    for approach in [OTHER_OPTIMUM, OPTIMUM] {
         let optimum = OptimumRow {
-            approach: of(approach),
+            stream: approach,
             x_json: "{}".into(),
             criterion: 1.0,
             feasible: true,
@@ -82,7 +84,7 @@ async fn finished(store: &Store) {
             note: String::new(),
         };
         store
-            .put_optimum(&optimum, &optimum_of(&optimum.approach))
+            .put_optimum(&optimum, &optimum_of(&optimum))
             .await
             .unwrap();
     }
@@ -186,21 +188,20 @@ async fn results_are_removed_one_by_one() {
     let store = store_with(&path, 2).await;
     finished(&store).await;
     let digest = store.samples_digest().await.unwrap();
-    let [kriging, other] = ["kriging", "deterministic"].map(str::to_owned);
     let outdated = [
         Derived::Model,
         Derived::Run(RUN),
-        Derived::Optimum(other.clone()),
+        Derived::Optimum(OTHER_OPTIMUM),
     ];
     store.remove(&outdated).await.unwrap();
     assert_eq!(store.models().await.unwrap(), []);
     let runs = store.optimiser_runs().await.unwrap();
     let optima = store.optima().await.unwrap();
     assert_eq!((runs.len(), runs[0].stream), (1, OTHER_RUN));
-    assert_eq!((optima.len(), &optima[0].approach), (1, &kriging));
+    assert_eq!((optima.len(), optima[0].stream), (1, OPTIMUM));
     let derivations = store.derivations().await.unwrap();
     let left: Vec<&String> = derivations.keys().collect();
-    assert_eq!(left, ["optimum kriging", "responses"]);
+    assert_eq!(left, ["optimum point-3", "responses"]);
     assert_eq!(store.samples_digest().await.unwrap(), digest);
     assert_eq!(store.responses().await.unwrap().len(), 1);
 

@@ -17,7 +17,9 @@ use std::path::{Path, PathBuf};
 use ledger::StreamId;
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
-use store::{Batch, CampaignRow, CriteriaRow, Derivation, Derived, DesignRow, SampleBlock, Store};
+use store::{
+    Batch, CampaignRow, CriteriaRow, Derivation, Derived, DesignRow, OptimumRow, SampleBlock, Store,
+};
 use tempfile::TempDir;
 
 fn campaign() -> CampaignRow {
@@ -55,8 +57,8 @@ fn from(of: &Derived) -> Derivation {
     Derivation::new(of, "0123")
 }
 
-fn optimum_of(approach: &str) -> Derivation {
-    from(&Derived::Optimum(approach.to_owned()))
+fn optimum_of(row: &OptimumRow) -> Derivation {
+    from(&Derived::Optimum(row.stream))
 }
 
 fn design(design: u64) -> DesignRow {

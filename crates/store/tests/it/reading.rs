@@ -96,7 +96,7 @@ async fn every_table_gives_back_what_was_put() {
         summary_json: "[]".into(),
     };
     let optimum = OptimumRow {
-        approach: "II".into(),
+        stream: StreamId::point(2),
         x_json: "{\"x_p\":0.5}".into(),
         criterion: 0.8,
         feasible: true,
@@ -125,7 +125,7 @@ async fn every_table_gives_back_what_was_put() {
         .await
         .unwrap();
     store
-        .put_optimum(&optimum, &optimum_of(&optimum.approach))
+        .put_optimum(&optimum, &optimum_of(&optimum))
         .await
         .unwrap();
     store.pin_model_digest("abc").await.unwrap();

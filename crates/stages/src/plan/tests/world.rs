@@ -255,8 +255,9 @@ impl World {
                     point.has_failed = false;
                 }
             }
-            Derived::Optimum(approach) => {
-                self.state.optima.retain(|held, _| held.name() != approach);
+            Derived::Optimum(stream) => {
+                let is_it = |approach: &Approach| names::verification(*approach) == *stream;
+                self.state.optima.retain(|held, _| !is_it(held));
             }
             Derived::Verification(stream) => {
                 let is_it = |approach: &Approach| names::verification(*approach) == *stream;
@@ -316,7 +317,7 @@ impl World {
                 self.rounds.push(points.map(point).collect());
             }
             LocalStep::Choose(approach) => {
-                derivation(Derived::Optimum(approach.name().to_owned()), None, None);
+                derivation(Derived::Optimum(names::verification(approach)), None, None);
                 let model = self.state.derivations.get(&Derived::Model.name());
                 let has_failed = model.is_some_and(|model| model.failure.is_some());
                 let is_none = approach == Approach::Kriging && has_failed;
