@@ -38,7 +38,7 @@ use coordinator::local::LocalWorkers;
 use coordinator::recorder::{Recorder, StoreRecorder};
 use coordinator::server::{self, Plan};
 use coordinator::service::Service;
-use coordinator::serving::{Port, Security};
+use coordinator::serving::Port;
 use gateway::access::Issuer;
 use gateway::client::ConnectArguments;
 use gateway::port::{self, Listeners};
@@ -310,10 +310,8 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
         },
         port: Some(Port {
             listen: Some((Ipv4Addr::LOCALHOST, 0).into()),
-            security: Security::Access {
-                file: access.into(),
-                hosts: Vec::new(),
-            },
+            access: access.into(),
+            hosts: Vec::new(),
         }),
         keep_serving: false,
         retry_failed: false,

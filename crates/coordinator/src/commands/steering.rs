@@ -26,7 +26,7 @@ const CLEAR: &str = "\x1b[H\x1b[J";
 /// `coordinator status`.
 pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
     let mut source = match &arguments.db {
-        Some(db) => Source::Store(Store::open_read_only(db).await?),
+        Some(db) => Source::Store(Box::new(Store::open_read_only(db).await?)),
         None => Source::Coordinator {
             link: link(&arguments.connect)?,
             seen: 0,
@@ -69,7 +69,7 @@ pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
 
 /// The source of the status.
 enum Source {
-    Store(Store),
+    Store(Box<Store>),
     Coordinator { link: Link, seen: u64 },
 }
 
