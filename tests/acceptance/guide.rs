@@ -16,7 +16,6 @@
 //! stands for a free one.
 
 mod reference;
-mod sources;
 
 use std::collections::BTreeSet;
 use std::fs::File;

@@ -5,6 +5,7 @@
 
 mod accuracy;
 mod advice;
+mod alias;
 mod bounds;
 mod campaign;
 mod changes;

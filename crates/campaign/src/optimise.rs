@@ -27,7 +27,7 @@ use crate::simulator::{NoAnswer, Simulator};
 use crate::task::Run;
 
 pub use objective::{Answer, COMMON, Candidate, answer};
-use objective::{Objective, Seen};
+use objective::{Objective, Record};
 
 /// Maximum number of times that a run with an infeasible printed optimum continues.
 const CONTINUATIONS: u32 = 10;
@@ -35,10 +35,10 @@ const CONTINUATIONS: u32 = 10;
 /// The first number of the random streams of searches beside the runs, above those of approaches.
 const BESIDE: u64 = 1 << 20;
 
-/// A design that a run found.
+/// The best design of a run, by one of its criteria.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Found {
+pub struct Optimum {
     /// The design.
     pub design: Design,
     /// The criterion that the run minimised.
@@ -59,9 +59,9 @@ pub struct RunResult {
     pub start: u32,
     /// The best design by the penalised objective (5) after the printed number of evaluations, if
     /// any design was simulable.
-    pub printed: Option<Found>,
+    pub printed: Option<Optimum>,
     /// The best feasible design.
-    pub best: Option<Found>,
+    pub best: Option<Optimum>,
     /// Number of times that the run continued beyond the printed evaluations to end at a feasible
     /// design.
     pub continuations: u32,
@@ -142,7 +142,7 @@ pub struct Search {
     first_value: Option<f64>,
     rng: StreamRng,
     search: cmaes::Run,
-    seen: Seen,
+    seen: Record,
     /// Number of times that the run has continued beyond the printed evaluations.
     continuations: u32,
     /// Maximum number of continuations.
@@ -223,7 +223,7 @@ impl Search {
             first_value: None,
             rng,
             search: search.map_err(|error| error.to_string())?,
-            seen: Seen::default(),
+            seen: Record::default(),
             continuations: 0,
             most_continuations,
             evaluations: 0,

@@ -40,7 +40,7 @@ pub struct Candidate {
 
 /// The evaluation of a candidate.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Evaluated {
+pub struct Evaluation {
     /// The design.
     pub design: Design,
     /// The simulator's answer. The error is the reason why the design is not simulable.
@@ -192,7 +192,7 @@ pub enum Output {
     /// The result of a run on the built-in simulator.
     Run(Box<RunResult>),
     /// The evaluations of a run's candidates, from the unit's first one on.
-    Evaluations(Vec<Evaluated>),
+    Evaluations(Vec<Evaluation>),
 }
 
 /// A failure that ends a unit.
@@ -346,7 +346,7 @@ fn evaluate(
         });
     };
     let mut evaluated = Vec::with_capacity(unit.samples.len());
-    let output = |evaluated: &[Evaluated]| {
+    let output = |evaluated: &[Evaluation]| {
         (!evaluated.is_empty()).then(|| Output::Evaluations(evaluated.to_vec()))
     };
     for evaluation in unit.samples.clone() {
@@ -383,7 +383,7 @@ fn evaluate_one(
     simulator: &dyn Simulator,
     approach: Approach,
     candidate: &Candidate,
-) -> Result<Evaluated, String> {
+) -> Result<Evaluation, String> {
     let design = &candidate.design;
     let answer = || optimise::answer(simulator, approach, design, candidate.may_improve);
     let answer = match guarded(answer) {
@@ -392,7 +392,7 @@ fn evaluate_one(
         Ok(Err(NoAnswer::Failed(error))) => return Err(error),
         Err(panic) => return Err(format!("{SIMULATOR_PANIC}: {panic}")),
     };
-    Ok(Evaluated {
+    Ok(Evaluation {
         design: design.clone(),
         answer,
     })

@@ -3,12 +3,13 @@
 use std::fmt;
 
 use rand::{Rng, RngExt as _};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{CmaEs, Error, Evaluation, Options, Stop};
 
 /// The restarts of a run after a search has stopped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restarts {
     /// From the best design so far, with the same population and the initial step. While all
@@ -18,7 +19,7 @@ pub enum Restarts {
     /// From a uniformly drawn point with twice the population (A. Auger and N. Hansen, *A restart
     /// CMA evolution strategy with increasing population size*, CEC 2005).
     Ipop,
-    /// Two regimes that share the budget evenly: large searches as with [`Restarts::Ipop`], and
+    /// Two regimes that share the budget evenly: large searches as with `"ipop"`, and
     /// small ones with the population λ₀(½ λ/λ₀)^(U²) and the step σ₀ 10^(−2U), each U uniform in
     /// 0…1, for at most half the evaluations of the last large search (N. Hansen, *Benchmarking a
     /// BI-population CMA-ES on the BBOB-2009 function testbed*, GECCO 2009).

@@ -1,7 +1,7 @@
 //! The conversion of reported results to rows of the store.
 
 use campaign::formulation::Problem;
-use campaign::task::{Evaluated, Output};
+use campaign::task::{Evaluation, Output};
 use ledger::{StreamId, Unit};
 use protocol::v1::UnitResult;
 use stages::names::{stream_name, time_part};
@@ -152,7 +152,7 @@ pub(crate) fn rows(
 }
 
 /// Checks the numbers of a candidate. The error is a phrase without its subject.
-fn check_evaluation(problem: &Problem, evaluated: &Evaluated) -> Result<(), String> {
+fn check_evaluation(problem: &Problem, evaluated: &Evaluation) -> Result<(), String> {
     let Ok(answer) = &evaluated.answer else {
         return Ok(());
     };
@@ -222,7 +222,7 @@ mod tests {
             samples: Vec::new(),
         };
         let of_answers = |answers: [Result<Answer, String>; 2]| {
-            let evaluated = answers.map(|answer| Evaluated {
+            let evaluated = answers.map(|answer| Evaluation {
                 design: problem.base().clone(),
                 answer,
             });

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use campaign::formulation::Problem;
-use campaign::task::{self, Evaluated, Output, Source};
+use campaign::task::{self, Evaluation, Output, Source};
 use futures_util::future::join_all;
 use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
 use protocol::v1::{LeaseResult, UnitResult};
@@ -189,7 +189,7 @@ impl<R: Recorder> Receiving<'_, R> {
             Source::Candidates(candidates) => {
                 let mut candidates = candidates.iter();
                 let candidate = candidates.find(|one| one.evaluation == first)?;
-                Output::Evaluations(vec![Evaluated {
+                Output::Evaluations(vec![Evaluation {
                     design: candidate.design.clone(),
                     answer: Err(reason),
                 }])

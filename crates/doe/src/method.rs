@@ -3,6 +3,7 @@
 use std::fmt;
 
 use rand::Rng as _;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
 
@@ -18,16 +19,16 @@ const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
 const SAME: f64 = 0.5 * HALF_SPACING;
 
 /// A kind of design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Method {
-    /// Any Latin hypercube: [`random_lhs`].
+    /// Any Latin hypercube.
     Random,
-    /// A Latin hypercube whose points lie far apart: [`maximin`].
+    /// A Latin hypercube whose points lie far apart.
     #[default]
     Maximin,
-    /// A scrambled Sobol sequence of at most 65 536 points: [`sobol`].
+    /// A scrambled Sobol sequence of at most 65 536 points.
     Sobol,
 }
 

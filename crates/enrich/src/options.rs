@@ -4,13 +4,14 @@ use std::fmt;
 
 use cmaes::Bounds;
 use kriging::{Kernel, Noise};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
 /// The infill criterion: the value of an observation. A new design and more samples at an existing
 /// one are valued by the same quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Criterion {
     /// Expected quantile improvement: by how much the lowest upper quantile among the designs is

@@ -9,6 +9,7 @@
 //!
 //! Left out: end relief, helix-angle and pressure-angle corrections, topographies.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::InputError;
@@ -16,7 +17,7 @@ use crate::geometry::Geometry;
 use crate::input::{Member, named, within};
 
 /// The growth of tip relief from its start to the tip.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ReliefShape {
     /// In proportion to the distance from its start.

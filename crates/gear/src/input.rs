@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::InputError;
@@ -76,7 +77,7 @@ pub enum Size {
 ///
 /// With all but [`WholeFaceBeam`](Self::WholeFaceBeam) teeth are thin slices across the face that do
 /// not feel each other.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ToothModel {
     /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
@@ -84,7 +85,7 @@ pub enum ToothModel {
     /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
     #[default]
     WeberBanaschek,
-    /// The beams and the contact of [`HertzBeam`](Self::HertzBeam), but each tooth is one beam over
+    /// The beams and the contact of `"hertz-beam"`, but each tooth is one beam over
     /// the whole face: a line of contact that covers the share f of the face b has the compliance
     /// Q_B/b + Q_H/(b f), taken at its middle, and pressure and wear follow from F/b.
     ///
@@ -92,7 +93,7 @@ pub enum ToothModel {
     /// load lies: the pressure of a line that is just coming into contact is too small, a corner
     /// load bends the tooth too little, and crowning is refused.
     WholeFaceBeam,
-    /// The slices of [`HertzBeam`](Self::HertzBeam) with prismatic beams as thick as the tooth at the
+    /// The slices of `"hertz-beam"` with prismatic beams as thick as the tooth at the
     /// reference circle, s_n = m (π/2 + 2 x tan α_n), clamped where the fillet meets the root circle:
     /// q = 4 (1 − ν²) cos² α_F/E · ((y_L − y_0)/s_n)³ for each tooth.
     ///
@@ -105,7 +106,7 @@ pub(crate) use named;
 named!(ToothModel: HertzBeam, WeberBanaschek, WholeFaceBeam, PrismaticBeam);
 
 /// The treatment of a tip that would press into the mate's root.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TipRule {
     /// The tip stays as its rack leaves it, even with a negative clearance.
@@ -118,7 +119,7 @@ pub enum TipRule {
 named!(TipRule: AsCut, ClearRoot);
 
 /// The standard basic rack tooth profiles of ISO 53:1998, table 2: what a common hob cuts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Rack {
     /// High loads: clearance 0.25 m and the largest fillet.
     #[serde(rename = "iso-53-a")]
@@ -170,7 +171,7 @@ impl Rack {
 /// The field is a Karhunen–Loève expansion of at most 64 modes for each gear. The two rough kernels
 /// lose some variance by it, all of it in waves shorter than a tenth of the range;
 /// [`Sampler::truncation`](crate::Sampler::truncation) says how much.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
     /// exp(−h²): infinitely smooth. 8 modes over 2.5 ranges leave out 1e-6 of the variance.

@@ -21,6 +21,7 @@
 //! Left out: pitch deviations, profile and helix form, helix slope, and what differs from tooth to
 //! tooth.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::InputError;
@@ -30,8 +31,9 @@ use crate::geometry::Geometry;
 pub const TOLERANCE_IN_SD: f64 = 3.0;
 
 /// A flank tolerance class of ISO 1328-1:2013, from 1, the finest, to 11.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "u32", into = "u32")]
+#[schemars(extend("minimum" = 1, "maximum" = 11))]
 pub struct FlankClass(u32);
 
 impl TryFrom<u32> for FlankClass {

@@ -7,6 +7,7 @@
 //! simulation metamodeling*, Operations Research 58 (2010) 371–382).
 
 use rand::seq::SliceRandom as _;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::function::gamma::digamma;
 use stats::streams::{Purpose, stream};
@@ -18,7 +19,7 @@ use crate::{Data, Error, FitOptions, fit};
 const SUBSET: usize = 500;
 
 /// The source of the noise variances of observations that are estimates from samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Noise {
     /// The variance from the observation's own samples, as in the paper.
@@ -56,15 +57,13 @@ impl Noise {
 }
 
 /// Whether a noise variance is estimated besides the known ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nugget {
     /// The noise variances are the known ones.
     #[default]
     Known,
-    /// One more variance, the same for all observations, is estimated and added
-    /// ([`Parameters::nugget`](crate::Parameters::nugget)).
-    ///
+    /// One more variance, the same for all observations, is estimated and added.
     /// Repeated observations of a point are then not merged, since their scatter determines the nugget; the
     /// fit takes the time of that many points. Only noise-free copies of one observation count once.
     Estimated,

@@ -1,5 +1,6 @@
 //! A model by any method, of the response or of its logarithm.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::function::erf::erfc_inv;
 
@@ -17,20 +18,20 @@ use crate::{Error, LeaveOneOut, Noise, Trend, Warning};
 const MANY: usize = 10_000;
 
 /// The observations that a prediction uses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// [`Method::Exact`] up to 10 000 observations, [`Method::Vecchia`] above.
+    /// `"exact"` up to 10 000 observations, `"vecchia"` above.
     #[default]
     Auto,
-    /// All observations: [`fit()`].
+    /// All observations.
     Exact,
-    /// The nearest observations: [`fit_vecchia`].
+    /// The nearest observations, by Vecchia's approximation.
     Vecchia,
 }
 
 /// The quantity that is modelled.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Response {
     /// The response y.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use campaign::optimise::Answer;
 use campaign::simulator::Analysis;
-use campaign::task::{Candidate, Computed, Evaluated, Failure, Output, Run, Source};
+use campaign::task::{Candidate, Computed, Evaluation, Failure, Output, Run, Source};
 use campaign::{Approach, Criteria, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
@@ -272,7 +272,7 @@ pub fn results(unit: &Unit, computed: &Computed, cpu_seconds: f64) -> Vec<v1::Un
     output.into_iter().chain(failure).collect()
 }
 
-fn evaluated_message(evaluated: &Evaluated) -> v1::Evaluated {
+fn evaluated_message(evaluated: &Evaluation) -> v1::Evaluated {
     let mut message = v1::Evaluated {
         design: Some(design_message(&evaluated.design)),
         ..v1::Evaluated::default()
@@ -290,7 +290,7 @@ fn evaluated_message(evaluated: &Evaluated) -> v1::Evaluated {
     message
 }
 
-fn evaluated(message: &v1::Evaluated) -> Result<Evaluated, Malformed> {
+fn evaluated(message: &v1::Evaluated) -> Result<Evaluation, Malformed> {
     let Some(design) = &message.design else {
         return malformed("has an evaluation without a design");
     };
@@ -303,7 +303,7 @@ fn evaluated(message: &v1::Evaluated) -> Result<Evaluated, Malformed> {
         worn: (!worn.is_empty()).then(|| Criteria::new(worn.clone())),
         samples: message.samples.clone(),
     };
-    Ok(Evaluated {
+    Ok(Evaluation {
         design: Design::new(design.values.clone()),
         answer: message.refused.clone().map_or_else(|| Ok(answer()), Err),
     })

@@ -174,7 +174,7 @@ fn answer(row: EvaluationRow) -> Option<Answer> {
 
 /// The row of an evaluation, of a run or an infill point.
 #[must_use]
-pub fn row(stream: StreamId, evaluation: u32, evaluated: task::Evaluated) -> EvaluationRow {
+pub fn row(stream: StreamId, evaluation: u32, evaluated: task::Evaluation) -> EvaluationRow {
     let mut row = EvaluationRow {
         stream,
         evaluation: evaluation.into(),

@@ -1,8 +1,8 @@
 //! The reference pages of the guide are those of the code.
 //!
-//! Keys come from the structs that the files are parsed into, columns from the programs and the store, exit
-//! codes from their table, and commands from `-h`. `PITCHLINE_WRITE_GUIDE=1` writes the pages anew;
-//! meanings of columns, which no code holds, stay as they are on the page.
+//! Keys come from the JSON Schema of the types that the files are parsed into, columns from the programs and the
+//! store, exit codes from their table, and commands from `-h`. `PITCHLINE_WRITE_GUIDE=1` writes the pages and the
+//! schemas anew; meanings of columns, which no code holds, stay as they are on the page.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -11,13 +11,18 @@ use acceptance::{FIGURE_7, Sandbox, assert_code, printed, root};
 use campaign::Campaign;
 use campaign::file::PairFile;
 use protocol::exit;
+use serde_json::Value;
 
-use super::sources::{EXPLAINED_BY, Item, Sources, about, inner, names, plain, value_of};
-use super::{header, merged, pages, read, run, sections};
+use super::{merged, pages, read, run};
 
 /// What opens a part of a page that is compared; a name and `-->` follow.
 pub(super) const BEGIN: &str = "<!-- generated: ";
 pub(super) const END: &str = "<!-- end of the generated part -->";
+
+/// Whether the pages are written instead of compared.
+fn writes() -> bool {
+    std::env::var_os("PITCHLINE_WRITE_GUIDE").is_some()
+}
 
 /// Compares a part of a page with `expected`, or writes it there.
 fn compare(page: &str, part: &str, expected: &str) {
@@ -29,7 +34,7 @@ fn compare(page: &str, part: &str, expected: &str) {
         .unwrap_or_else(|| panic!("{page} has no part {part}"));
     let (held, after) = rest.split_once(END).expect("a part ends");
     let expected = format!("\n{expected}\n");
-    if std::env::var_os("PITCHLINE_WRITE_GUIDE").is_some() {
+    if writes() {
         let text = [before, &begin, &expected, END, after].concat();
         std::fs::write(&path, text).expect("the page can be written");
         return;
@@ -42,304 +47,280 @@ fn compare(page: &str, part: &str, expected: &str) {
     );
 }
 
-/// A kind of file: how it is read, and a file of this kind.
-struct Format {
-    root: &'static str,
-    parse: fn(&str) -> Result<String, String>,
+/// A kind of file: its schema, and what its parser says.
+struct Format<'a> {
+    /// The schema that defines the types.
+    schema: &'a Value,
+    /// The schema of the whole file.
+    top: &'a Value,
+    parse: fn(&str) -> Result<(), String>,
+    /// A file of this kind.
     text: String,
-    /// What the reader takes for absent keys: section and key, and the value.
-    defaults: BTreeMap<(String, String), String>,
 }
 
-impl Format {
-    /// What the parser says to the file with this change.
-    fn refusal(&self, change: &str) -> String {
-        let text = match change.starts_with('[') {
-            true => merged(&self.text, change),
-            false => format!("{change}\n{}", self.text),
-        };
-        (self.parse)(&text).expect_err("it must be refused")
+impl Format<'_> {
+    /// The schema that a reference leads to, and the name of its type.
+    fn resolved<'b>(&'b self, node: &'b Value) -> (&'b Value, Option<&'b str>) {
+        if let Some(any) = node["anyOf"].as_array() {
+            // An optional value: the type, or null.
+            let mut others = any.iter().filter(|one| one["type"] != "null");
+            if let (Some(one), None) = (others.next(), others.next()) {
+                return self.resolved(one);
+            }
+        }
+        let name = node["$ref"]
+            .as_str()
+            .and_then(|path| path.strip_prefix("#/$defs/"));
+        match name {
+            Some(name) => (&self.schema["$defs"][name], Some(name)),
+            None => (node, None),
+        }
     }
 
-    /// The keys that the parser knows in a section.
-    fn known_keys(&self, head: &str) -> BTreeSet<String> {
-        let separator = if head.is_empty() { "" } else { "\n" };
-        let message = self.refusal(&format!("{head}{separator}no_such_key = 1\n"));
+    /// The keys that the parser knows in a section, in the order of the code.
+    fn keys(&self, head: &str) -> Vec<String> {
+        let change = format!("{head}\nno_such_key = 1\n");
+        let text = match head {
+            "" => format!("{change}\n{}", self.text),
+            _ => merged(&self.text, &change),
+        };
+        let message = (self.parse)(&text).expect_err("it must be refused");
         let (_, expected) = message
             .split_once("unknown field `no_such_key`, expected ")
             .unwrap_or_else(|| panic!("{head}: {message}"));
-        expected
-            .split('`')
-            .skip(1)
-            .step_by(2)
-            .map(str::to_owned)
-            .collect()
+        let names = expected.split('`').skip(1).step_by(2);
+        names.map(str::to_owned).collect()
     }
+}
 
-    /// Requires that the parser names all of these where it refuses another name.
-    fn require_names(&self, head: &str, key: &str, names: &[(String, String)]) {
-        let held = sections(&self.text)
-            .into_iter()
-            .find(|section| header(section) == header(head));
-        let held = held.unwrap_or_else(|| {
-            let keys = self
-                .defaults
-                .iter()
-                .filter(|((section, _), _)| head == format!("[{section}]"));
-            let keys = keys.map(|((_, key), value)| format!("{key} = {value}\n"));
-            format!("{head}\n{}", keys.collect::<String>())
-        });
-        let others = held
-            .lines()
-            .filter(|line| line.split('=').next().map(str::trim) != Some(key));
-        let changed: String = others.map(|line| format!("{line}\n")).collect();
-        let message = self.refusal(&format!("{changed}{key} = \"no-such-name\"\n"));
-        for (_, name) in names {
-            assert!(
-                message.contains(name.as_str()),
-                "{head} {key}: no {name} in {message}"
+/// A description on one line of a table.
+fn line(node: &Value) -> String {
+    let text = node["description"].as_str().unwrap_or_default();
+    assert!(!text.contains("[`"), "a link into the code: {text}");
+    let words: Vec<&str> = text.split_whitespace().collect();
+    words.join(" ").replace('|', "\\|")
+}
+
+/// The names that a value may have, with their meanings.
+fn names(node: &Value) -> Vec<(&str, String)> {
+    let all = node["oneOf"].as_array().map_or(&[][..], Vec::as_slice);
+    let name = |one: &'_ Value| one["const"].as_str().is_some();
+    let all = all.iter().filter(|one| name(one));
+    all.map(|one| (one["const"].as_str().unwrap_or_default(), line(one)))
+        .collect()
+}
+
+/// What a value is called.
+fn kind(node: &Value) -> String {
+    if let Some(title) = node["title"].as_str() {
+        return title.replace('|', "\\|");
+    }
+    if !names(node).is_empty() {
+        return "name, see below".to_owned();
+    }
+    let of = |node: &Value| {
+        let types = &node["type"];
+        let first = types.as_array().and_then(|types| types.first());
+        let name = first.unwrap_or(types).as_str();
+        name.unwrap_or_default().to_owned()
+    };
+    match (&*of(node), &*of(&node["items"]), &node["maxItems"]) {
+        ("number", ..) => "number",
+        ("integer", ..) => "whole number",
+        ("boolean", ..) => "`true` or `false`",
+        ("string", ..) => "text",
+        ("array", "number", Value::Number(_)) => "two numbers",
+        ("array", "integer", Value::Number(_)) => "two whole numbers",
+        ("array", "integer", _) => "list of whole numbers",
+        _ => panic!("a value has no name: {node}"),
+    }
+    .to_owned()
+}
+
+/// A value as in a file.
+fn shown(value: &Value) -> String {
+    value.to_string()
+}
+
+/// A file as Markdown: its sections with their keys, but for those that were `shown_before`.
+fn page(format: &Format<'_>, shown_before: &mut BTreeSet<String>) -> String {
+    let mut out = String::new();
+    for name in format.keys("") {
+        let property = &format.top["properties"][&name];
+        assert!(!property.is_null(), "the schema has no {name}");
+        let is_array = property["type"] == "array";
+        let of = if is_array {
+            &property["items"]
+        } else {
+            property
+        };
+        let (section, of_type) = format.resolved(of);
+        let Some(of_type) = of_type.filter(|_| section["type"] == "object") else {
+            continue;
+        };
+        let head = match is_array {
+            true => format!("[[{name}]]"),
+            false => format!("[{name}]"),
+        };
+        let is_required = requires(format.top, &name);
+        let optional = if is_required { "" } else { ", optional" };
+        let _ = write!(out, "### `{head}`{optional}\n\n");
+        let table = table(format, &head, section);
+        let without = without(&property["default"], section);
+        if shown_before.insert(of_type.to_owned()) {
+            let about = about(&line(section));
+            let text = [about.as_str(), &without].join(" ");
+            if !text.trim().is_empty() {
+                let _ = write!(out, "{}\n\n", text.trim());
+            }
+            out += &table;
+        } else {
+            let _ = write!(
+                out,
+                "{}\n\n",
+                format!("As in a gear campaign. {without}").trim()
             );
         }
-    }
-}
-
-/// What a value of this type is called, and the enum whose names it takes.
-fn values<'a>(
-    sources: &'a Sources,
-    key: &Item,
-    file: &str,
-) -> (String, Option<&'a (Item, String)>) {
-    let kind = inner(&key.kind);
-    let simple = match kind {
-        "f64" => "number",
-        "bool" => "`true` or `false`",
-        "u32" | "u64" if key.kind.contains("Vec<") => "list of whole numbers",
-        "u32" | "u64" => "whole number",
-        "[f64; 2]" => "two numbers",
-        "[u32; 2]" => "two whole numbers",
-        "String" => "text",
-        _ => "",
-    };
-    // A name that is parsed later: the words say where it is defined.
-    let linked = key
-        .doc
-        .split("see [`")
-        .nth(1)
-        .and_then(|rest| rest.split_once("`]"));
-    let named = match kind {
-        "String" => linked.and_then(|(path, _)| sources.resolve(path, file)),
-        _ if simple.is_empty() => sources.resolve(kind, file),
-        _ => None,
-    };
-    match named {
-        Some((item, _)) => match value_of(&item.attributes, "expecting") {
-            Some(expected) => {
-                let shape = expected.trim_start_matches("expected ").to_owned();
-                (shape.replace('|', "\\|"), None)
-            }
-            None => ("name, see below".to_owned(), named),
-        },
-        None => {
-            assert!(!simple.is_empty(), "a value of type {kind} has no name");
-            (simple.to_owned(), None)
-        }
-    }
-}
-
-/// A file as Markdown: its sections with their keys, but for those that were `shown` before.
-fn file(sources: &Sources, format: &Format, shown: &mut BTreeSet<String>) -> String {
-    let (top, _) = sources
-        .of("campaign", format.root)
-        .expect("the file's struct");
-    let is_section = |key: &&Item| {
-        let kind = sources.of("campaign", inner(&key.kind));
-        kind.is_some_and(|(item, _)| {
-            item.attributes.contains("deny_unknown_fields") || item.attributes.contains("try_from")
-        })
-    };
-    let name = |key: &Item| match value_of(&key.attributes, "rename") {
-        Some(name) => name,
-        None => key.name.clone(),
-    };
-    let known: BTreeSet<String> = top.members.iter().map(name).collect();
-    assert_eq!(known, format.known_keys(""), "{}", format.root);
-    let mut out = String::new();
-    for key in top.members.iter().filter(is_section) {
-        let kind = inner(&key.kind);
-        let (section, of_file) = sources.section(kind);
-        let (documented, _) = sources.of("campaign", kind).expect("it was found");
-        let head = match key.kind.starts_with("Vec<") {
-            true => format!("[[{}]]", key.name),
-            false => format!("[{}]", key.name),
-        };
-        let optional = key.kind.starts_with("Option<") || key.attributes.contains("default");
-        let optional = if optional { ", optional" } else { "" };
-        let explained = EXPLAINED_BY.iter().find(|(name, _)| *name == kind);
-        let explained = explained.and_then(|(_, other)| sources.of("campaign", other));
-        let about = about(explained.map_or(documented, |(item, _)| item));
-        let _ = write!(out, "### `{head}`{optional}\n\n");
-        let keys = keys(sources, format, &head, section, of_file);
-        if !shown.insert(kind.to_owned()) {
-            let defaults = format
-                .defaults
-                .iter()
-                .filter(|((of, _), _)| *of == key.name);
-            let defaults: Vec<String> = defaults
-                .map(|((_, key), value)| format!("`{key} = {value}`"))
-                .collect();
-            let without = match defaults.join(", ") {
-                none if none.is_empty() => none,
-                defaults => format!(" Without the section: {defaults}."),
-            };
-            let _ = write!(out, "As in a gear campaign.{without}\n\n");
-            continue;
-        }
-        if !about.is_empty() {
-            let _ = write!(out, "{about}\n\n");
-        }
-        out += &keys;
     }
     out.trim_end().to_owned()
 }
 
+fn requires(of: &Value, key: &str) -> bool {
+    let required = of["required"].as_array();
+    required.is_some_and(|keys| keys.iter().any(|one| one == key))
+}
+
+/// The values of a section that is absent, but for those of absent keys.
+fn without(default: &Value, section: &Value) -> String {
+    let values = default.as_object().into_iter().flatten();
+    let values = values.filter(|(key, value)| {
+        !value.is_null() && section["properties"][*key]["default"] != **value
+    });
+    let values: Vec<String> = values
+        .map(|(key, value)| format!("`{key} = {}`", shown(value)))
+        .collect();
+    match values.is_empty() {
+        true => String::new(),
+        false => format!("Without the section: {}.", values.join(", ")),
+    }
+}
+
+/// A section's words without its own name.
+fn about(text: &str) -> String {
+    let Some((_, text)) = text
+        .strip_prefix("`[")
+        .and_then(|rest| rest.split_once("]`"))
+    else {
+        return text.to_owned();
+    };
+    let text = text.trim_start_matches(&[',', ':', ' '][..]);
+    let text = text.strip_prefix("optional").unwrap_or(text);
+    let text = text.trim_start_matches(&[',', ':', ' ', '.'][..]);
+    let mut chars = text.chars();
+    let first = chars.next().into_iter().flat_map(char::to_uppercase);
+    first.chain(chars).collect()
+}
+
 /// The table of a section's keys, and the names that some of them take.
-fn keys(sources: &Sources, format: &Format, head: &str, section: &Item, file: &str) -> String {
+fn table(format: &Format<'_>, head: &str, section: &Value) -> String {
     let mut out = "| key | value | if absent | meaning |\n|---|---|---|---|\n".to_owned();
     let mut lists = String::new();
-    let mut known = BTreeSet::new();
-    let name = head.trim_matches(&['[', ']'][..]);
-    let members = || {
-        let all = section.members.iter();
-        all.filter(|member| !member.attributes.contains("serde(skip)"))
-    };
-    let named = members().filter_map(|key| values(sources, key, file).1);
-    let of_section: Vec<_> = named.flat_map(|(item, file)| names(item, file)).collect();
-    for key in members() {
-        let aliases = key.attributes.split("alias = \"").skip(1);
-        known.extend(aliases.filter_map(|rest| Some(rest.split('"').next()?.to_owned())));
-        known.insert(key.name.clone());
-        let (value, named) = values(sources, key, file);
-        let is_optional = key.kind.starts_with("Option<")
-            || key.attributes.contains("default")
-            || section.attributes.contains("default");
-        let default = format.defaults.get(&(name.to_owned(), key.name.clone()));
-        let of_enum = named.and_then(|(item, file)| {
-            let mut members = item.members.iter();
-            let place = members.position(|variant| variant.attributes.contains("#[default]"))?;
-            Some(format!("\"{}\"", names(item, file)[place].1))
-        });
-        let default = default.cloned().or(of_enum.filter(|_| is_optional));
-        let absent = match (is_optional, default) {
-            (true, Some(value)) => format!("`{value}`"),
-            (true, None) => "optional".to_owned(),
-            (false, Some(value)) => format!("required; `{value}` without the section"),
-            (false, None) => "required".to_owned(),
+    let known = format.keys(head);
+    let properties = section["properties"]
+        .as_object()
+        .expect("a section has keys");
+    let of_schema: BTreeSet<&String> = properties.keys().collect();
+    assert_eq!(
+        of_schema,
+        known.iter().collect(),
+        "{head}: keys of schema and parser"
+    );
+    for key in &known {
+        let property = &properties[key];
+        let (of_type, _) = format.resolved(property);
+        let absent = match (requires(section, key), &property["default"]) {
+            (true, _) => "required".to_owned(),
+            (false, Value::Null) => "optional".to_owned(),
+            (false, value) => format!("`{}`", shown(value)),
         };
-        let of_key = named
-            .map(|(item, file)| names(item, file))
-            .unwrap_or_default();
-        let meaning = sources.doc(section, key, &of_section);
-        let _ = writeln!(out, "| `{}` | {value} | {absent} | {meaning} |", key.name);
-        if let Some((item, _)) = named {
-            format.require_names(head, &key.name, &of_key);
-            let _ = write!(lists, "\n`{}`:\n\n", key.name);
-            for (variant, (_, name)) in item.members.iter().zip(&of_key) {
-                let meaning = plain(&variant.doc, &of_key);
-                let _ = writeln!(lists, "- `\"{name}\"`: {meaning}");
-            }
+        let meaning = line(property);
+        assert!(!meaning.is_empty(), "{head}: nothing is said of {key}");
+        let _ = writeln!(
+            out,
+            "| `{key}` | {} | {absent} | {meaning} |",
+            kind(of_type)
+        );
+        let names = names(of_type);
+        if !names.is_empty() {
+            let _ = write!(lists, "\n`{key}`:\n\n");
+        }
+        for (name, meaning) in names {
+            let _ = writeln!(lists, "- `\"{name}\"`: {meaning}");
         }
     }
-    let of_parser = format.known_keys(head);
-    let unknown: Vec<_> = of_parser.difference(&known).collect();
-    assert!(
-        unknown.is_empty(),
-        "{head}: the reference lacks {unknown:?}"
-    );
-    let section: BTreeSet<String> = members().map(|key| key.name.clone()).collect();
-    let gone: Vec<_> = section.difference(&of_parser).collect();
-    assert!(gone.is_empty(), "{head}: the parser does not know {gone:?}");
     format!("{out}{lists}\n")
 }
 
-fn campaign_json(text: &str) -> Result<String, String> {
-    let campaign = Campaign::parse("c.toml", text).map_err(|error| error.to_string())?;
-    Ok(campaign.to_json())
+fn parse_campaign(text: &str) -> Result<(), String> {
+    let campaign = Campaign::parse("c.toml", text);
+    campaign.map(|_| ()).map_err(|error| error.to_string())
 }
 
-fn pair_toml(text: &str) -> Result<String, String> {
-    let pair = PairFile::parse("p.toml", text).map_err(|error| error.to_string())?;
-    Ok(pair.to_toml())
+fn parse_pair(text: &str) -> Result<(), String> {
+    let pair = PairFile::parse("p.toml", text);
+    pair.map(|_| ()).map_err(|error| error.to_string())
 }
 
 #[test]
 fn the_keys_of_files_are_those_of_the_code() {
-    let sources = Sources::read();
-    let shown = &mut BTreeSet::new();
-    let gears = Format {
-        root: "GearFile",
-        parse: campaign_json,
-        text: read(&root().join("campaigns/pair.toml")),
-        defaults: BTreeMap::new(),
-    };
-    compare(
-        "campaign-file.md",
-        "gear campaigns",
-        &file(&sources, &gears, shown),
-    );
-    // The example leaves out all that has a default.
-    let text = read(&root().join("campaigns/ishigami/campaign.toml"));
-    let written: serde_json::Value =
-        serde_json::from_str(&campaign_json(&text).expect("it is shipped")).expect("JSON");
-    let mut defaults = BTreeMap::new();
-    for (section, keys) in written.as_object().expect("an object") {
-        let is_given = sections(&text)
-            .iter()
-            .any(|held| header(held) == format!("[{section}"));
-        for (key, value) in keys.as_object().into_iter().flatten() {
-            if !is_given {
-                defaults.insert((section.clone(), key.clone()), value.to_string());
-            }
-        }
+    let (campaign, pair) = (Campaign::schema(), PairFile::schema());
+    let shown_before = &mut BTreeSet::new();
+    let forms = campaign["anyOf"].as_array().expect("two kinds of files");
+    let examples = ["campaigns/pair.toml", "campaigns/ishigami/campaign.toml"];
+    let parts = ["gear campaigns", "external campaigns"];
+    for ((form, example), part) in forms.iter().zip(examples).zip(parts) {
+        let mut format = Format {
+            schema: &campaign,
+            top: form,
+            parse: parse_campaign,
+            text: read(&root().join(example)),
+        };
+        format.top = match form["$ref"].as_str() {
+            Some(path) => &campaign["$defs"][path.trim_start_matches("#/$defs/")],
+            None => form,
+        };
+        compare("campaign-file.md", part, &page(&format, shown_before));
     }
-    let external = Format {
-        root: "ExternalFile",
-        parse: campaign_json,
-        text,
-        defaults,
-    };
-    compare(
-        "campaign-file.md",
-        "external campaigns",
-        &file(&sources, &external, shown),
-    );
-    let mut defaults = BTreeMap::new();
-    let written = pair_toml(FIGURE_7).expect("a pair");
-    for section in sections(&written) {
-        let head = header(&section).trim_start_matches('[').to_owned();
-        let is_given = sections(FIGURE_7)
-            .iter()
-            .any(|held| header(held) == header(&section));
-        for (key, value) in section.lines().filter_map(|line| line.split_once(" = ")) {
-            let is_given = is_given && FIGURE_7.contains(&format!("\n{key} = "));
-            if !is_given {
-                defaults.insert((head.clone(), key.to_owned()), value.to_owned());
-            }
-        }
-    }
-    let pair = Format {
-        root: "PairFile",
-        parse: pair_toml,
-        // A shape can only be given beside a relief.
-        text: format!(
-            "{FIGURE_7}[corrections]\ntip_relief_um = [6.0, 6.0]\ntip_relief_length_mm = [2.0, 2.0]\n"
-        ),
-        defaults,
+    let format = Format {
+        schema: &pair,
+        top: &pair,
+        parse: parse_pair,
+        text: FIGURE_7.to_owned(),
     };
     compare(
         "campaign-file.md",
         "pair files",
-        &file(&sources, &pair, shown),
+        &page(&format, shown_before),
     );
+}
+
+#[test]
+fn the_schemas_for_editors_are_those_of_the_code() {
+    for (name, schema) in [
+        ("campaign.schema.json", Campaign::schema()),
+        ("pair.schema.json", PairFile::schema()),
+    ] {
+        let path = pages().join(name);
+        let text = format!("{schema:#}\n");
+        if writes() {
+            std::fs::write(&path, text).expect("the schema can be written");
+        } else {
+            assert!(
+                read(&path) == text,
+                "{name} is not that of the code: PITCHLINE_WRITE_GUIDE=1 writes it anew"
+            );
+        }
+    }
 }
 
 /// The meanings on a page, by what a table is of and the name of the row.
@@ -368,7 +349,7 @@ fn columns(heading: &str, columns: &[(String, String)]) -> String {
         let elsewhere = || known.iter().find(|((_, of), _)| *of == format!("`{name}`"));
         let meaning = known.get(&key(heading)).or_else(|| Some(elsewhere()?.1));
         let meaning = meaning.map_or("", String::as_str);
-        let is_asked = std::env::var_os("PITCHLINE_WRITE_GUIDE").is_none();
+        let is_asked = !writes();
         assert!(
             !is_asked || !meaning.is_empty(),
             "{heading}: nothing is said of {name}"

@@ -1,13 +1,14 @@
 //! `[accuracy]`: the simulator's grid, or the tolerance that chooses it.
 
 use gear::Discretisation;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
 use super::validate::Source;
 
 /// `[accuracy]` as written in the file: either a tolerance or the grid.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AccuracySection {
     /// Root mean square error of a design's percentile that is small enough, µm. It chooses the grid and the

@@ -3,13 +3,14 @@
 use std::ops::Range;
 
 use gear::Rack;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
 use super::validate::{Invalid, Source};
 
 /// `[bounds]`: the values that each variable may take, for both gears together or for each.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Bounds {
     /// A standard rack, instead of tool addendum, tool dedendum and root radius.
@@ -29,10 +30,13 @@ pub struct Bounds {
 }
 
 /// The values of one kind of variable, for both gears together or for each.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
     expecting = "expected [low, high], a number, or { pinion = …, mate = … } with these or mate = \"tied\""
+)]
+#[schemars(
+    title = "[low, high], a number, or { pinion = …, mate = … } with these or mate = \"tied\" or \"follows\""
 )]
 pub enum OfGears {
     /// The same for both gears, each of which has a value of its own.
@@ -42,7 +46,7 @@ pub enum OfGears {
 }
 
 /// The values for pinion and mate.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Each {
     /// The pinion's.
@@ -52,8 +56,9 @@ pub struct Each {
 }
 
 /// The values that a variable of one gear may take.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected [low, high] or a number")]
+#[schemars(title = "[low, high] or a number")]
 pub enum Setting {
     /// Free within `[low, high]`.
     Free([f64; 2]),
@@ -64,7 +69,7 @@ pub enum Setting {
 }
 
 /// The relation by which a variable of the mate is bound.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Relation {
     /// Equal to the pinion's variable.
@@ -74,7 +79,7 @@ pub enum Relation {
 }
 
 /// The source of the variables that the problems with wear do not vary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrozenFrom {
     /// The values that the campaign file gives.
@@ -84,7 +89,7 @@ pub enum FrozenFrom {
 }
 
 /// `[frozen]`, optional: free variables that are varied only in the optimisation without wear.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrozenSection {
     /// The source of the values.

@@ -212,6 +212,12 @@ impl Campaign {
         Form::from_json(json).map(Self::from)
     }
 
+    /// The JSON Schema of the file: `anyOf` the forms for gears and for an external problem.
+    #[must_use]
+    pub fn schema() -> Value {
+        schemars::schema_for!(Form).to_value()
+    }
+
     /// Advice about settings that are valid but doubtful.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {

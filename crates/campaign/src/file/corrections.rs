@@ -1,6 +1,7 @@
 //! `[corrections]`: profile corrections, as design variables of a campaign or as values of a pair.
 
 use gear::ReliefShape;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
@@ -8,7 +9,7 @@ use super::validate::{Invalid, Source};
 
 /// `[corrections]`, optional: `[low, high]` of each kind of profile correction. The campaign itself
 /// does not correct flanks; `coordinator corrections` designs with and without corrections.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CorrectionsSection {
     /// Amount of tip relief in µm, normal to the flank at the end of contact; for both gears.
@@ -49,7 +50,7 @@ impl CorrectionsSection {
 }
 
 /// `[corrections]` of a pair file. Two-element arrays are pinion, mate.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PairCorrections {
     /// Amounts of tip relief in µm, normal to the flank at the end of contact. Zero means none.

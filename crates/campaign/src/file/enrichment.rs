@@ -1,14 +1,16 @@
 //! The optional section `[enrichment]` of the campaign file.
 
 use enrich::Criterion;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
 use super::validate::Source;
 
 /// `[enrichment]`, optional: infill points in rounds, on top of the DoE.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = super::alias::of_tolerance)]
 pub struct Enrichment {
     /// The infill criterion: the value of an observation.
     pub criterion: Criterion,
@@ -20,8 +22,7 @@ pub struct Enrichment {
     pub points_per_round: u32,
     /// Samples of a new design, and of each repetition at an existing one.
     pub samples_per_point: u32,
-    /// Tolerance δ of the stopping rule, µm or the unit of an external response: the enrichment ends when it
-    /// expects to gain less.
+    /// Tolerance δ of the stopping rule, µm: the enrichment ends when it expects to gain less.
     #[serde(alias = "tolerance")]
     pub tolerance_um: f64,
 }

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeSet;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
@@ -20,7 +21,7 @@ pub struct ExternalSections {
 }
 
 /// A variable of the design.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct VariableSection {
     /// The name that the program uses.
@@ -35,7 +36,7 @@ pub struct VariableSection {
 }
 
 /// A deterministic response of the program, with limits that a feasible design satisfies.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConstraintSection {
     /// The name that the program uses.
@@ -50,7 +51,7 @@ pub struct ConstraintSection {
 }
 
 /// The random response whose percentile is optimised.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseSection {
     /// The name that the program uses.
@@ -67,7 +68,7 @@ pub struct ResponseSection {
 }
 
 /// The preferred values of the response.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Aim {
     /// Small values are good: the campaign minimises the percentile that 90 % of the samples stay below.

@@ -1,6 +1,7 @@
 //! The campaign file as it is written, with one form for each kind of problem.
 
 use cmaes::Restarts;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::accuracy::AccuracySection;
@@ -13,39 +14,46 @@ use super::{
 };
 
 /// The kind of a file.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 struct Peek {
     kind: Option<String>,
 }
 
 /// `kind` of a gear campaign.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum GearKind {
+    /// A gear pair.
     #[default]
     Gear,
 }
 
 /// `kind` of an external campaign.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum ExternalKind {
+    /// A problem that the file states and a program simulates.
     External,
 }
 
 /// The file of a campaign that designs a gear pair.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct GearFile {
+    /// The kind of problem.
     #[serde(default)]
     kind: GearKind,
+    /// The version of the file format, 1.
     format: u32,
+    /// The name, from which the default store and report are named: letters, digits, hyphens and underscores.
     name: String,
+    /// The seed, from which every random number of the campaign follows.
     seed: u64,
     pair: Pair,
     load: Load,
     material: Material,
     #[serde(with = "wear")]
+    #[schemars(with = "wear::WearSection")]
     wear: gear::Wear,
     manufacture: Option<Manufacture>,
     bounds: Bounds,
@@ -68,17 +76,27 @@ pub(crate) struct GearFile {
 }
 
 /// `[optimise]` of a gear campaign: CMA-ES and the penalised objective.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct PenalisedOptimise {
+    /// Number λ of candidates per generation.
     population: u32,
+    /// Number µ of candidates that are selected.
     parents: u32,
+    /// Initial step size, as a fraction of each variable's range.
     step: f64,
+    /// Number of evaluations per start.
     evaluations: u32,
+    /// How a search that has stopped restarts.
     #[serde(default)]
     restarts: Restarts,
+    /// Number of evaluations after which the search restarts from its best point whatever its
+    /// state; given with `"from-best"` and only then.
     restart_at: Option<u32>,
+    /// Number of independent runs.
     starts: u32,
+    /// Whether a further approach optimises the sampled percentile itself, without a model: each
+    /// feasible design gets as many samples as a design of the DoE.
     #[serde(default)]
     direct: bool,
     /// Weight p of a constraint's relative violation in the penalised objective.
@@ -90,12 +108,16 @@ struct PenalisedOptimise {
 }
 
 /// The file of a campaign with an external problem.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct ExternalFile {
+    /// The kind of problem.
     kind: ExternalKind,
+    /// The version of the file format, 1.
     format: u32,
+    /// The name, from which the default store and report are named: letters, digits, hyphens and underscores.
     name: String,
+    /// The seed, from which every random number of the campaign follows.
     seed: u64,
     variables: Vec<VariableSection>,
     #[serde(default)]
@@ -115,16 +137,23 @@ pub(crate) struct ExternalFile {
 }
 
 /// `[simulator]` of an external campaign.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct ExternalSimulator {
+    /// Number of designs that the program simulates when a worker starts, to verify that all workers run the
+    /// same program; 3 if absent. With 0 only the version that the program reports counts, which is meant for
+    /// simulations that take very long.
     probe_designs: Option<u32>,
+    /// Number of times that a failing request is tried before its failure is final; 3 if absent. An
+    /// attempt counts only if the program answers something else in between.
     attempts: Option<u32>,
+    /// How long, in seconds, everything may fail before the campaign goes on without what fails; 60
+    /// if absent. A shorter outage, such as of a licence server, costs nothing but time.
     retry_s: Option<f64>,
 }
 
 /// The file in either form.
-#[derive(Serialize)]
+#[derive(Serialize, JsonSchema)]
 #[serde(untagged)]
 pub(crate) enum Form {
     Gears(Box<GearFile>),

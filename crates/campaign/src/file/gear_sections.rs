@@ -1,5 +1,6 @@
 //! The sections of a campaign that designs a gear pair.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
@@ -51,7 +52,7 @@ pub struct Penalty {
 }
 
 /// `[pair]` of a campaign: the values common to all its designs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pair {
     /// Number of teeth of the pinion.
@@ -76,7 +77,7 @@ pub struct Pair {
 }
 
 /// `[report]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Report {
     /// Whether the report shows the paper's figures beside the campaign's.

@@ -1,6 +1,7 @@
 //! The section `[kriging]` of the campaign file.
 
 use kriging::{Estimator, FitOptions, Kernel, Method, Noise, Nugget, Response, Settings, Trend};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
@@ -8,7 +9,7 @@ use super::{FileError, Sampling};
 
 /// `[kriging]`: the model of the percentile. An enrichment takes `kernel` and `noise` for its own models, and
 /// none of the other keys.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Kriging {
     /// Covariance function.

@@ -1,5 +1,6 @@
 //! `[constraints]` on gear pairs, in campaign and pair files.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
@@ -7,7 +8,7 @@ use super::{FileError, Material};
 
 /// `[constraints]`: limits of a gear pair. Every key is optional. A criterion without a limit is
 /// not constrained, unless a default is given here.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GearLimits {
     /// Lower limit of the total contact ratio ε_α + ε_β, exclusive.
@@ -28,9 +29,9 @@ pub struct GearLimits {
     /// Smallest length of involute between the fillet and the active flank, in mm along the path of
     /// contact. Zero if absent.
     pub flank_margin_min_mm: Option<f64>,
-    /// Smallest nominal root safety S_F of ISO 6336; see [`gear::rating`].
+    /// Smallest nominal root safety S_F of ISO 6336.
     pub root_safety_min: Option<f64>,
-    /// Smallest nominal flank safety S_H of ISO 6336; see [`gear::rating`].
+    /// Smallest nominal flank safety S_H of ISO 6336.
     pub flank_safety_min: Option<f64>,
     /// Smallest normal module, mm.
     pub normal_module_min_mm: Option<f64>,

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
@@ -9,7 +10,7 @@ use super::validate::Source;
 
 /// `[material]`, the same for both gears. A file gives the four numbers, or a name whose numbers
 /// are in the table of [`Grade`]. A number beside a name replaces that of the table.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "MaterialSection")]
 pub struct Material {
     /// The name, if the file gives one.
@@ -46,7 +47,7 @@ pub struct Material {
 ///   other materials have no value here, because their σ_Hlim depends on the hardness: a file gives
 ///   `hertz_limit_mpa` beside the name.
 /// - **20NC6** has the four numbers of the 2009 paper, case-hardened.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Grade {
     /// The paper's case-hardened steel.
     #[serde(rename = "20NC6", alias = "20 NC 6")]
@@ -110,14 +111,20 @@ impl fmt::Display for Grade {
     }
 }
 
-/// `[material]` as written in the file.
-#[derive(Deserialize)]
+/// `[material]`, the same for both gears: four numbers, or a name whose numbers are known. A number beside a name
+/// replaces that of the name.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct MaterialSection {
+    /// The name of a common gear material.
     name: Option<Grade>,
+    /// Young's modulus, GPa.
     youngs_modulus_gpa: Option<f64>,
+    /// Poisson's ratio.
     poisson_ratio: Option<f64>,
+    /// Yield stress, MPa: the limit of the root stress.
     yield_mpa: Option<f64>,
+    /// Permissible contact pressure, MPa. It depends on the hardness, so most names have none.
     hertz_limit_mpa: Option<f64>,
 }
 

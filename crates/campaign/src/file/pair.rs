@@ -1,18 +1,18 @@
 //! The pair file: one gear pair for `coordinator simulate`.
 
 use gear::{PairInput, Size};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::corrections::{PairCorrections, WITHOUT_CROWNING};
 use super::validate::Source;
-use super::{FileError, GearLimits, GearSections, Load, Manufacture, Material, advice, wear};
-use crate::formulation::GearVariables;
+use super::{FileError, GearLimits, Load, Manufacture, Material, advice, wear};
 
 #[cfg(test)]
 mod tests;
 
 /// A validated pair file.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PairFile {
     /// `[pair]`
@@ -23,6 +23,7 @@ pub struct PairFile {
     pub material: Material,
     /// `[wear]`, optional.
     #[serde(default = "wear::default", with = "wear")]
+    #[schemars(with = "wear::WearSection")]
     pub wear: gear::Wear,
     /// `[manufacture]`, optional. Without it the gears have no slope deviations.
     pub manufacture: Option<Manufacture>,
@@ -34,7 +35,7 @@ pub struct PairFile {
 }
 
 /// `[pair]` of a pair file. Two-element arrays are pinion, mate.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PairSection {
     /// Numbers of teeth.
@@ -80,41 +81,6 @@ impl PairFile {
         let this: Self = source.parse()?;
         this.validate(source)?;
         Ok(this)
-    }
-
-    /// The pair file of one design of a gear campaign, with the campaign's load, material, wear, flank
-    /// class and limits.
-    #[must_use]
-    pub fn of_design(sections: &GearSections, design: &GearVariables) -> Self {
-        let pair = &sections.pair;
-        Self {
-            pair: PairSection {
-                teeth: pair.teeth(),
-                // If the campaign gives both, the design's profile shifts already agree with them.
-                centre_distance_mm: match pair.normal_module_mm {
-                    Some(_) => None,
-                    None => pair.centre_distance_mm,
-                },
-                normal_module_mm: pair.normal_module_mm,
-                pressure_angle_deg: pair.pressure_angle_deg,
-                helix_angle_deg: design.helix_angle_deg,
-                face_width_mm: pair.face_width_mm,
-                profile_shift: design.profile_shift,
-                tool_addendum: design.tool_addendum,
-                tool_dedendum: design.tool_dedendum,
-                tip_radius_mm: design.tip_radius_mm,
-                root_radius_mm: design.root_radius_mm,
-                tip_diameter_mm: None,
-                tooth_model: pair.tooth_model,
-                tip_rule: pair.tip_rule,
-            },
-            load: sections.load,
-            material: sections.material,
-            wear: sections.wear,
-            manufacture: sections.manufacture,
-            corrections: None,
-            constraints: Some(sections.constraints),
-        }
     }
 
     /// The file as TOML, which parses to the same file.
@@ -211,6 +177,12 @@ impl PairFile {
     #[must_use]
     pub fn limits(&self) -> GearLimits {
         self.constraints.unwrap_or_default()
+    }
+
+    /// The JSON Schema of the file.
+    #[must_use]
+    pub fn schema() -> serde_json::Value {
+        schemars::schema_for!(PairFile).to_value()
     }
 
     /// Advice about values that are valid but doubtful, one sentence each.

@@ -1,5 +1,6 @@
 //! `[sampling]`: the number of samples of a design, and the estimation of the percentile.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use stats::{HarrellDavisVariance, SequentialRule};
 
@@ -7,27 +8,30 @@ use super::validate::Source;
 use super::{Aim, FailedSamples, FileError};
 
 /// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = super::alias::of_precision)]
 pub struct Sampling {
     /// Number k of response samples per simulable design. With a precision, the size of the first
     /// batch.
     /// Left out beside `accuracy.tolerance_um`, which chooses it.
     #[serde(default)]
+    #[schemars(extend("default" = null))]
     pub samples_per_design: u32,
     /// Target standard error of P90, in µm: each design gets samples until it is reached.
     #[serde(alias = "precision")]
     pub precision_um: Option<f64>,
     /// Maximum number of samples of a design, with a precision.
     pub samples_max: Option<u32>,
-    /// Constraint violation, summed as in the paper's (5), above which a design gets no samples;
-    /// see [`Sampling::skip_violation`].
+    /// Constraint violation, summed as in the paper's (5), above which a design gets no samples. If absent,
+    /// 0 with a precision, and without one all simulable designs get samples.
     pub skip_violation: Option<f64>,
     /// Level of the percentile, from 0.001 to 0.999. Of a response that is maximised it is the share of the
     /// samples above the percentile: 0.9 stands for P10.
     #[serde(default = "papers_level")]
     pub level: f64,
-    /// The estimator of the percentile; [`Sampling::rule_of_percentile`] if absent.
+    /// The estimator of the percentile. If absent, `"chosen"` for independent samples without a control variate, and
+    /// `"normal"` for others.
     pub percentile: Option<PercentileRule>,
     /// Control variate that reduces the variance of the percentile.
     #[serde(default)]
@@ -35,8 +39,7 @@ pub struct Sampling {
     /// The scheme by which the wear of a design's samples is drawn.
     #[serde(default)]
     pub coefficients: WearCoefficients,
-    /// Number of samples in each sequence of quasi-random coefficients; see
-    /// [`Sampling::coefficients`].
+    /// Number of samples in each sequence of quasi-random coefficients, a power of two; 8 if absent.
     pub group: Option<u32>,
     /// What a sample means that fails for good, or is answered with `refused`, NaN or infinity; only with
     /// an external simulator.
@@ -54,8 +57,8 @@ const fn papers_level() -> f64 {
 }
 
 /// The dependence between the coefficients (Karhunen–Loève) of the random wear of a design's
-/// samples. [`stats::Sampling`] defines it, with the resulting percentile and variance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+/// samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearCoefficients {
     /// The coefficients of every sample are independent.
@@ -69,13 +72,13 @@ pub enum WearCoefficients {
 }
 
 /// A response with known distribution that correlates with the samples.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ControlVariate {
     /// No control variate.
     #[default]
     None,
-    /// The part of ΔSTE that is linear in the coefficients of the wear, see [`gear::Sampler::slopes`]. It
+    /// The part of ΔSTE that is linear in the coefficients of the wear. It
     /// costs two analyses per coefficient, about 26 per design, and explains nearly all of a sample's
     /// variance, so the percentile from 30 samples is as good as one from thousands.
     Linearised,
@@ -83,7 +86,7 @@ pub enum ControlVariate {
 
 /// The estimator of the percentile of a design of the DoE or an infill point. `coordinator tradeoff` measures
 /// their errors on normal and other responses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum PercentileRule {
     /// The paper's m + 1.28 s with the variance of (14). At another level z is exact.

@@ -2,13 +2,14 @@
 
 use std::time::Duration;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
 use super::validate::Source;
 
 /// `[load]`
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Load {
     /// Torque on the pinion, N·m.
@@ -16,7 +17,7 @@ pub struct Load {
 }
 
 /// `[manufacture]`, optional. Without it flanks are as designed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Manufacture {
     /// Flank tolerance class of both gears by ISO 1328-1, from 1, the finest, to 11.
@@ -42,7 +43,7 @@ impl Manufacture {
 }
 
 /// The kind of simulator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SimulatorKind {
     /// The gear model of this program.
@@ -53,7 +54,7 @@ pub enum SimulatorKind {
 }
 
 /// `[simulator]`, optional.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatorSection {
     /// The simulator; the built-in model if the section is absent.

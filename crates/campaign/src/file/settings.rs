@@ -1,13 +1,14 @@
 //! Sections of all kinds of campaign: DoE, optimiser and verification.
 
 use cmaes::Restarts;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
 use super::validate::Source;
 
 /// `[doe]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Doe {
     /// Number n of designs.
@@ -18,7 +19,7 @@ pub struct Doe {
 }
 
 /// `[optimise]`: the settings of CMA-ES.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Optimise {
     /// Number λ of candidates per generation.
@@ -60,14 +61,15 @@ impl Optimise {
     }
 }
 
-/// `[verify]`: the number of verification samples at each optimum, fixed or from the interval wanted.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+/// `[verify]`: the number of verification samples at each optimum, fixed or from the interval wanted. Without either
+/// key, `half_width` is 0.005 for the built-in model, and `samples` is 500 for a program.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Verify {
     /// Number of verification samples at each optimum.
     pub samples: Option<u32>,
     /// Half the width of the 95 % interval that is aimed at, relative to the percentile: the first
-    /// [`Verify::PILOT`] samples of an optimum tell how many it takes.
+    /// 4000 samples of an optimum tell how many it takes.
     pub half_width: Option<f64>,
 }
 

@@ -1,13 +1,14 @@
 //! `[wear]`: the law of the mean wear, by the number that it takes, and the random field.
 
 use gear::{Kernel, Wear, WearLaw};
+use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 use super::FileError;
 use super::validate::{Invalid, Source};
 
 /// `[wear]` as written in the file.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WearSection {
     /// Archard's law: material is removed wherever the flanks slide, and the deepest place of every flank has

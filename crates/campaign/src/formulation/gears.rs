@@ -9,6 +9,7 @@ use crate::file::{GearSections, HELIX_ANGLE, gear_size};
 pub(super) mod corrections;
 mod criteria;
 mod limits;
+mod pair_file;
 mod spaces;
 mod variables;
 

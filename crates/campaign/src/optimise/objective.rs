@@ -3,7 +3,7 @@
 use cmaes::Evaluation;
 use stats::streams::{Purpose, stream};
 
-use super::Found;
+use super::Optimum;
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use crate::task::Run;
@@ -133,24 +133,24 @@ pub(super) struct Objective {
 
 /// A run's record of the designs that it has evaluated.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Seen {
+pub(super) struct Record {
     pub(super) simulator_calls: u64,
     /// The best design by the penalised objective, or the one with the smallest violation if there
     /// is no penalty, with its value.
-    pub(super) printed: Option<(f64, Found)>,
+    pub(super) printed: Option<(f64, Optimum)>,
     /// The best feasible design.
-    pub(super) best: Option<Found>,
+    pub(super) best: Option<Optimum>,
 }
 
 /// An evaluated design.
-struct Evaluated {
-    found: Found,
+struct Assessment {
+    found: Optimum,
     violation: f64,
 }
 
-impl Seen {
+impl Record {
     /// Records a design of the printed part of a run, if its value is the best.
-    fn keep(&mut self, value: f64, found: Found) {
+    fn keep(&mut self, value: f64, found: Optimum) {
         if self.printed.as_ref().is_none_or(|(best, _)| value < *best) {
             self.printed = Some((value, found));
         }
@@ -165,13 +165,13 @@ impl Seen {
 
 /// The evaluation of a design for feasibility-first ranking; `None` stands for a design that is not
 /// simulable.
-fn ranked(problem: &Problem, evaluated: Option<&Evaluated>) -> Evaluation {
+fn ranked(problem: &Problem, evaluated: Option<&Assessment>) -> Evaluation {
     evaluated.map_or(
         Evaluation {
             value: 0.0,
             violation: FAILURE_VIOLATION,
         },
-        |Evaluated { found, violation }| Evaluation {
+        |Assessment { found, violation }| Evaluation {
             value: problem.cost(found.criterion),
             // On the boundary the violation is zero, but the inequalities are strict.
             violation: if found.feasible {
@@ -213,7 +213,7 @@ impl Objective {
     }
 
     /// The candidate at the point `unit` of the search space.
-    pub(super) fn candidate(&self, problem: &Problem, seen: &Seen, unit: &[f64]) -> Candidate {
+    pub(super) fn candidate(&self, problem: &Problem, seen: &Record, unit: &[f64]) -> Candidate {
         let design = problem.point(self.approach, unit, &self.base);
         let model = self.model.as_ref();
         let predicted = design
@@ -239,7 +239,7 @@ impl Objective {
     pub(super) fn evaluation(
         &self,
         problem: &Problem,
-        seen: &mut Seen,
+        seen: &mut Record,
         candidate: &Candidate,
         answer: Option<Answer>,
         is_printed: bool,
@@ -273,14 +273,14 @@ impl Objective {
     fn evaluated(
         &self,
         problem: &Problem,
-        seen: &mut Seen,
+        seen: &mut Record,
         candidate: &Candidate,
         answer: Option<Answer>,
-    ) -> Option<Evaluated> {
+    ) -> Option<Assessment> {
         let design = candidate.design.clone()?;
         if !candidate.is_asked {
-            return Some(Evaluated {
-                found: Found {
+            return Some(Assessment {
+                found: Optimum {
                     design,
                     criterion: candidate.predicted?,
                     criteria: Criteria::new(Vec::new()),
@@ -315,7 +315,7 @@ impl Objective {
             feasible = problem.is_feasible(&worn);
             criteria = worn;
         }
-        let found = Found {
+        let found = Optimum {
             design,
             criterion,
             criteria,
@@ -324,6 +324,6 @@ impl Objective {
         if feasible && seen.improves(problem, criterion) {
             seen.best = Some(found.clone());
         }
-        Some(Evaluated { found, violation })
+        Some(Assessment { found, violation })
     }
 }

@@ -3,12 +3,13 @@
 //! With F the n × p matrix of basis functions (ones; for a linear trend the coordinates too) the
 //! coefficients are (FᵀC⁻¹F)⁻¹FᵀC⁻¹y, equation (18) for p = 1.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::linalg::{Lower, Spd, dot};
 
 /// The deterministic part of the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Trend {

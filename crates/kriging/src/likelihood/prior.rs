@@ -6,10 +6,11 @@
 //! make sense (C. Hvarfner, E. O. Hellsten, L. Nardi, *Vanilla Bayesian optimization performs great
 //! in high dimensions*, ICML 2024). The prior is weak: a few points per dimension more overrule it.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The criterion that the covariance parameters maximise.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Estimator {
     /// The likelihood.

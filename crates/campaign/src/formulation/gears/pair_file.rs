@@ -1,0 +1,41 @@
+//! The pair file of a campaign's design.
+
+use super::GearVariables;
+use crate::file::{GearSections, PairFile, PairSection};
+
+impl PairFile {
+    /// The pair file of one design of a gear campaign, with the campaign's load, material, wear, flank
+    /// class and limits.
+    #[must_use]
+    pub fn of_design(sections: &GearSections, design: &GearVariables) -> Self {
+        let pair = &sections.pair;
+        Self {
+            pair: PairSection {
+                teeth: pair.teeth(),
+                // If the campaign gives both, the design's profile shifts already agree with them.
+                centre_distance_mm: match pair.normal_module_mm {
+                    Some(_) => None,
+                    None => pair.centre_distance_mm,
+                },
+                normal_module_mm: pair.normal_module_mm,
+                pressure_angle_deg: pair.pressure_angle_deg,
+                helix_angle_deg: design.helix_angle_deg,
+                face_width_mm: pair.face_width_mm,
+                profile_shift: design.profile_shift,
+                tool_addendum: design.tool_addendum,
+                tool_dedendum: design.tool_dedendum,
+                tip_radius_mm: design.tip_radius_mm,
+                root_radius_mm: design.root_radius_mm,
+                tip_diameter_mm: None,
+                tooth_model: pair.tooth_model,
+                tip_rule: pair.tip_rule,
+            },
+            load: sections.load,
+            material: sections.material,
+            wear: sections.wear,
+            manufacture: sections.manufacture,
+            corrections: None,
+            constraints: Some(sections.constraints),
+        }
+    }
+}
