@@ -75,8 +75,7 @@ pub enum Size {
 /// The parts of a tooth's elasticity that are counted, and the distribution of the load on the
 /// face.
 ///
-/// With all but [`WholeFaceBeam`](Self::WholeFaceBeam) teeth are thin slices across the face that do
-/// not feel each other.
+/// With all but `"whole-face-beam"` teeth are thin slices across the face that do not feel each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ToothModel {
@@ -169,8 +168,7 @@ impl Rack {
 /// range: h here stands for |θ − θ′| / range.
 ///
 /// The field is a Karhunen–Loève expansion of at most 64 modes for each gear. The two rough kernels
-/// lose some variance by it, all of it in waves shorter than a tenth of the range;
-/// [`Sampler::truncation`](crate::Sampler::truncation) says how much.
+/// lose some variance by it, all of it in waves shorter than a tenth of the range.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {

@@ -60,7 +60,7 @@ impl Noise {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Nugget {
-    /// The noise variances are the known ones.
+    /// Only the known variances.
     #[default]
     Known,
     /// One more variance, the same for all observations, is estimated and added.

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::FileError;
 use super::validate::Source;
 
-/// `[accuracy]` as written in the file: either a tolerance or the grid.
+/// `[accuracy]`: either a tolerance or the grid.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AccuracySection {

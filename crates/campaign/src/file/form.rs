@@ -75,7 +75,7 @@ pub(crate) struct GearFile {
     accuracy: AccuracySection,
 }
 
-/// `[optimise]` of a gear campaign: CMA-ES and the penalised objective.
+/// `[optimise]`: the settings of CMA-ES and of the penalised objective.
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct PenalisedOptimise {
@@ -136,7 +136,7 @@ pub(crate) struct ExternalFile {
     enrichment: Option<Enrichment>,
 }
 
-/// `[simulator]` of an external campaign.
+/// `[simulator]`: the program that every worker starts.
 #[derive(Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct ExternalSimulator {

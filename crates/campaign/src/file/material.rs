@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use super::FileError;
 use super::validate::Source;
 
-/// `[material]`, the same for both gears. A file gives the four numbers, or a name whose numbers
-/// are in the table of [`Grade`]. A number beside a name replaces that of the table.
+/// `[material]`, the same for both gears: four numbers, or a name whose numbers are known. A number beside a name
+/// replaces that of the name.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "MaterialSection")]
 pub struct Material {

@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 use super::FileError;
 use super::validate::{Invalid, Source};
 
-/// `[wear]` as written in the file.
+/// `[wear]`: the law of the mean wear, by the number that it takes, and its random field.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WearSection {
