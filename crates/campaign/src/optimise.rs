@@ -38,7 +38,7 @@ const BESIDE: u64 = 1 << 20;
 /// The best design of a run, by one of its criteria.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Optimum {
+pub struct Solution {
     /// The design.
     pub design: Design,
     /// The criterion that the run minimised.
@@ -59,9 +59,9 @@ pub struct RunResult {
     pub start: u32,
     /// The best design by the penalised objective (5) after the printed number of evaluations, if
     /// any design was simulable.
-    pub printed: Option<Optimum>,
+    pub printed: Option<Solution>,
     /// The best feasible design.
-    pub best: Option<Optimum>,
+    pub best: Option<Solution>,
     /// Number of times that the run continued beyond the printed evaluations to end at a feasible
     /// design.
     pub continuations: u32,

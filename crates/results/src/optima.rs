@@ -148,7 +148,7 @@ fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<OrderStati
 #[cfg(test)]
 mod tests {
     use campaign::file::Aim;
-    use campaign::optimise::Found;
+    use campaign::optimise::Solution;
     use campaign::{Campaign, Criteria, Design};
     use stages::cost::Cost;
     use stats::reference::Reference;
@@ -168,7 +168,7 @@ mod tests {
     }
 
     fn optima(problem: &Problem, samples: [Vec<f64>; 2]) -> Optima {
-        let found = Found {
+        let found = Solution {
             design: Design::new(vec![0.0; problem.dimension()]),
             criterion: 0.0,
             criteria: Criteria::new(Vec::new()),

@@ -1,7 +1,7 @@
 //! The choice of the design that an approach ends with.
 
 use campaign::formulation::Problem;
-use campaign::optimise::{Optimum, RunResult};
+use campaign::optimise::{RunResult, Solution};
 use campaign::simulator::State;
 use campaign::{Approach, Criteria, Design};
 use store::{CriteriaRow, DesignRow, OptimiserRunRow, ResponseRow};
@@ -37,8 +37,8 @@ pub fn choose_run(
         simulator_calls: calls + extra.simulator_calls,
         cpu_seconds: cpu_seconds + extra.cpu_seconds,
     };
-    let of = |found: &Optimum| problem.cost(found.criterion);
-    let better = |a: &&Optimum, b: &&Optimum| of(a).total_cmp(&of(b));
+    let of = |found: &Solution| problem.cost(found.criterion);
+    let better = |a: &&Solution, b: &&Solution| of(a).total_cmp(&of(b));
     let best = runs
         .iter()
         .filter_map(|run| run.best.as_ref())
@@ -92,7 +92,7 @@ pub fn choose_of_doe(
     responses: &[ResponseRow],
     cost: Cost,
 ) -> Optimum {
-    let mut best: Option<Found> = None;
+    let mut best: Option<Solution> = None;
     for response in responses.iter().filter(|row| row.percentile.is_finite()) {
         let better = best
             .as_ref()
@@ -101,7 +101,7 @@ pub fn choose_of_doe(
             continue;
         };
         if let Some((design, criteria)) = feasible(problem, base, row, criteria) {
-            best = Some(Optimum {
+            best = Some(Solution {
                 design,
                 criterion: response.percentile,
                 criteria,
@@ -168,7 +168,7 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
     let Some(penalty) = problem.penalty() else {
         return String::new();
     };
-    let ended: Vec<&Optimum> = runs
+    let ended: Vec<&Solution> = runs
         .iter()
         .filter(|run| run.continuations > 0)
         .filter_map(|run| run.printed.as_ref())
@@ -192,7 +192,7 @@ fn continuation_note(problem: &Problem, runs: &[RunResult]) -> String {
 }
 
 /// Names the constraints that a design breaks.
-fn broken(problem: &Problem, found: &Optimum) -> String {
+fn broken(problem: &Problem, found: &Solution) -> String {
     let broken: Vec<String> = problem
         .constraints(&found.criteria)
         .iter()

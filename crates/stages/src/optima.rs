@@ -2,7 +2,7 @@
 
 use anyhow::Context as _;
 use campaign::formulation::{Design, Problem, Quantity};
-use campaign::optimise::Found;
+use campaign::optimise::Solution;
 use campaign::{Approach, Criteria};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
@@ -18,7 +18,7 @@ pub struct Optimum {
     /// The approach.
     pub approach: Approach,
     /// The design.
-    pub found: Result<Found, NoOptimum>,
+    pub found: Result<Solution, NoOptimum>,
     /// The cost of the search and of what it rests on.
     pub cost: Cost,
     /// A remark; without a model, the reason.
@@ -65,7 +65,7 @@ impl Optimum {
                 design_from_json(problem, &row.x_json).with_context(of)?,
                 criteria,
             ) {
-                (Ok(design), Some(criteria)) => Ok(Found {
+                (Ok(design), Some(criteria)) => Ok(Solution {
                     design,
                     criterion: row.criterion,
                     criteria,
@@ -84,7 +84,7 @@ impl Optimum {
 
     /// The design, if it keeps all constraints.
     #[must_use]
-    pub fn feasible(&self) -> Option<&Found> {
+    pub fn feasible(&self) -> Option<&Solution> {
         self.found.as_ref().ok().filter(|found| found.feasible)
     }
 
@@ -93,7 +93,7 @@ impl Optimum {
     /// # Errors
     ///
     /// A sentence: there is none.
-    pub fn found_or_sentence(&self) -> Result<&Found, String> {
+    pub fn found_or_sentence(&self) -> Result<&Solution, String> {
         self.found.as_ref().map_err(|none| match none {
             NoOptimum::NoModel => format!("There is no kriging model: {}.", self.note),
             _ => self.note.clone(),

@@ -2,7 +2,7 @@
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
-use campaign::optimise::Optimum;
+use campaign::optimise::Solution;
 use campaign::simulator::{Simulator as _, State};
 use campaign::{Approach, Criteria, Design};
 use enrich::{Recommendation, Stop};
@@ -77,7 +77,7 @@ pub fn recommended(
         None if problem.criteria().is_empty() => Criteria::new(Vec::new()),
         None => told.context("the recommended design was never evaluated")?,
     };
-    let found = Optimum {
+    let found = Solution {
         design,
         criterion: best.predicted,
         feasible: problem.is_feasible(&criteria),

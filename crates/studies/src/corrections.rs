@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use campaign::file::{CorrectionsSection, PairCorrections, Sampling};
 use campaign::formulation::Problem;
 use campaign::formulation::gears::ALL_VARIABLES;
-use campaign::optimise::Found;
+use campaign::optimise::Solution;
 use campaign::{Campaign, Design, PairFile};
 use rayon::prelude::*;
 use results::row;
@@ -41,7 +41,7 @@ pub struct Row {
     /// Number of analyses with random wear.
     pub worn_calls: u64,
     /// The best feasible design and its P90 from verification samples, if a search met one.
-    pub best: Option<(Found, OrderStatistic)>,
+    pub best: Option<(Solution, OrderStatistic)>,
 }
 
 /// The sets that a campaign asks to compare: flanks as they are, then with corrections.

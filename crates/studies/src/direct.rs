@@ -11,7 +11,7 @@
 //! [`verification`]: crate::samples::verification
 
 use campaign::formulation::Problem;
-use campaign::optimise::{self, Answer, Candidate, Found, answer};
+use campaign::optimise::{self, Answer, Candidate, Solution, answer};
 use campaign::simulator::NoAnswer;
 use campaign::task::Run;
 use campaign::{Approach, Design};
@@ -22,7 +22,7 @@ use rayon::prelude::*;
 pub struct Search {
     /// The best feasible design, if the search met one. Its criterion is its P90 with the search's
     /// own random numbers, µm.
-    pub best: Option<Found>,
+    pub best: Option<Solution>,
     /// Number of designs tried.
     pub evaluations: u64,
     /// Number of analyses without random wear: two per design that can be simulated, the second

@@ -302,7 +302,7 @@ fn lines(rows: &[Row]) -> Vec<PercentileSeries> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::optimise::Found;
+    use campaign::optimise::Solution;
     use stages::cost::Cost;
     use stages::optima::{NoOptimum, Optimum};
     use stages::verification::Verification;
@@ -335,7 +335,7 @@ mod tests {
         let problem = Problem::new(campaign);
         let gears = problem.gears().unwrap();
         let criteria = gears.pair_criteria(&gears.pair(&design).unwrap(), 1000.0);
-        let found = Found {
+        let found = Solution {
             design,
             criterion: 1.0,
             criteria: criteria.into(),

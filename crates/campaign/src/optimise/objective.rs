@@ -3,7 +3,7 @@
 use cmaes::Evaluation;
 use stats::streams::{Purpose, stream};
 
-use super::Optimum;
+use super::Solution;
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use crate::task::Run;
@@ -137,20 +137,20 @@ pub(super) struct Record {
     pub(super) simulator_calls: u64,
     /// The best design by the penalised objective, or the one with the smallest violation if there
     /// is no penalty, with its value.
-    pub(super) printed: Option<(f64, Optimum)>,
+    pub(super) printed: Option<(f64, Solution)>,
     /// The best feasible design.
-    pub(super) best: Option<Optimum>,
+    pub(super) best: Option<Solution>,
 }
 
 /// An evaluated design.
 struct Assessment {
-    found: Optimum,
+    found: Solution,
     violation: f64,
 }
 
 impl Record {
     /// Records a design of the printed part of a run, if its value is the best.
-    fn keep(&mut self, value: f64, found: Optimum) {
+    fn keep(&mut self, value: f64, found: Solution) {
         if self.printed.as_ref().is_none_or(|(best, _)| value < *best) {
             self.printed = Some((value, found));
         }
@@ -280,7 +280,7 @@ impl Objective {
         let design = candidate.design.clone()?;
         if !candidate.is_asked {
             return Some(Assessment {
-                found: Optimum {
+                found: Solution {
                     design,
                     criterion: candidate.predicted?,
                     criteria: Criteria::new(Vec::new()),
@@ -315,7 +315,7 @@ impl Objective {
             feasible = problem.is_feasible(&worn);
             criteria = worn;
         }
-        let found = Optimum {
+        let found = Solution {
             design,
             criterion,
             criteria,

@@ -2,7 +2,7 @@
 
 use campaign::Design;
 use campaign::formulation::{Constraint, Problem};
-use campaign::optimise::Found;
+use campaign::optimise::Solution;
 use serde::Serialize;
 use stats::OrderStatistic;
 
@@ -60,7 +60,7 @@ pub struct BestOfDoe {
     /// Its number.
     pub number: u64,
     /// The design with its criteria.
-    pub found: Found,
+    pub found: Solution,
     /// The estimate of the percentile with its 95 % confidence interval.
     pub percentile: OrderStatistic,
 }
@@ -121,7 +121,7 @@ fn of_design(
     problem: &Problem,
     name: String,
     verified: bool,
-    found: &Found,
+    found: &Solution,
     percentile: OrderStatistic,
 ) -> BestDesign {
     let variables = problem.variables().iter().zip(found.design.values());

@@ -1,7 +1,7 @@
 //! One design: its gears, its transmission error and its contact.
 
 use campaign::Approach;
-use campaign::optimise::Found;
+use campaign::optimise::Solution;
 
 use super::figure::{Figure, figure};
 use super::rows;
@@ -128,7 +128,7 @@ fn figures(anchor: &str, design: &str, shown: &Illustration) -> Result<Vec<Figur
 
 fn summary(
     verified: &VerifiedOptimum,
-    found: &Found,
+    found: &Solution,
     illustration: Option<&Illustration>,
     percentile: &str,
 ) -> String {

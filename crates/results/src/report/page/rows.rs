@@ -1,7 +1,7 @@
 //! Table rows as text.
 
 use campaign::formulation::Constraint;
-use campaign::optimise::Found;
+use campaign::optimise::Solution;
 use campaign::{Approach, GearCriteria};
 use gear::paper::printed::ACCURATE_SAMPLES;
 use stats::OrderStatistic;
@@ -272,7 +272,7 @@ pub(super) fn named(value: &NamedValue) -> String {
 }
 
 /// The cells of a design, without its difference on the converged grid.
-fn design_cells(verified: &VerifiedOptimum, found: &Found) -> DesignCells {
+fn design_cells(verified: &VerifiedOptimum, found: &Solution) -> DesignCells {
     let variables_of = found.design.gears().values();
     DesignCells {
         variables: variables(&variables_of[..6]),

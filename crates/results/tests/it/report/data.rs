@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use campaign::formulation::Problem;
-use campaign::optimise::Found;
+use campaign::optimise::Solution;
 use campaign::{Approach, Campaign, Criteria, Design, GearCriteria};
 use results::costs::StageCost;
 use results::optima::Optima;
@@ -274,7 +274,7 @@ fn wear() -> WearProfiles {
     }
 }
 
-fn found(row: &paper::ApproachRow, i: usize) -> Found {
+fn found(row: &paper::ApproachRow, i: usize) -> Solution {
     let design = paper::printed(row.figure).expect("table 5 names printed designs");
     let margin = 0.012 * i as f64;
     let criteria = GearCriteria {
@@ -291,7 +291,7 @@ fn found(row: &paper::ApproachRow, i: usize) -> Found {
         normal_module_mm: 3.0,
         details: None,
     };
-    Found {
+    Solution {
         design: Design::new(design.variables.to_vec()),
         criterion: row.criterion * 0.95,
         criteria: Criteria::from(criteria),
