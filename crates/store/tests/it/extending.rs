@@ -31,7 +31,6 @@ fn larger() -> CampaignRow {
 /// Stores two designs with three samples each, and a row in every derived table.
 async fn finished(store: &Store) {
     let rows = (0..2).flat_map(|d| (0..3).map(move |s| sample(d, s, 1.5)));
-    let of = |approach: &str| approach.to_owned();
     let points = [POINT, REFERENCE].map(|stream| SampleBlock {
         stream,
         first_sample: 0,
