@@ -140,7 +140,7 @@ pub(crate) struct Tradeoff {
     pub(crate) out: Option<PathBuf>,
     /// Measure only these studies: simulator, percentile, estimators, kriging, optimisation, runner
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = study)]
-    pub(crate) study: Vec<tradeoff::Kind>,
+    pub(crate) study: Vec<lab::tradeoff::Kind>,
     /// Measure for a minute or two instead of eight
     #[arg(long)]
     pub(crate) quick: bool,
@@ -220,10 +220,12 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// Reads the name of a trade-off study.
-fn study(text: &str) -> Result<tradeoff::Kind, String> {
-    let mut all = tradeoff::Kind::ALL.into_iter();
+fn study(text: &str) -> Result<lab::tradeoff::Kind, String> {
+    let mut all = lab::tradeoff::Kind::ALL.into_iter();
     all.find(|kind| kind.name() == text).ok_or_else(|| {
-        let names = tradeoff::Kind::ALL.map(tradeoff::Kind::name).join(", ");
+        let names = lab::tradeoff::Kind::ALL
+            .map(lab::tradeoff::Kind::name)
+            .join(", ");
         format!("the studies are {names}")
     })
 }

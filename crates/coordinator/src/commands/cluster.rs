@@ -1,7 +1,7 @@
 //! `simulate-cluster`: how many workers one coordinator can serve.
 
+use lab::rehearsal::{Rehearsed, Scenario, Wave, rehearse};
 use protocol::exit;
-use rehearsal::{Rehearsed, Scenario, Wave, rehearse};
 use results::report::{TradeoffChart, TradeoffSeries};
 use serde::Serialize;
 use studies::table::write;

@@ -1,6 +1,6 @@
 //! `coordinator stability`: inputs on which numerical methods fail, run and measured.
 
-use ::stability::Atlas;
+use lab::stability::Atlas;
 use protocol::exit;
 use results::table::SCHEMA_VERSION;
 use serde_json::json;

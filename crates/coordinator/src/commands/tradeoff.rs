@@ -8,6 +8,7 @@ use anyhow::Context as _;
 use campaign::Campaign;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
+use lab::tradeoff::{Kind, Size, Study, Table};
 use protocol::exit;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -16,7 +17,6 @@ use studies::table::write;
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 use tracing::info;
-use tradeoff::{Kind, Size, Study, Table};
 
 use super::output::refuse_taken;
 use super::{FileAccess, Usage, campaign_or_paper, print};
@@ -107,7 +107,7 @@ fn conduct(
             }
         };
         if !is_json {
-            let sentence = study.views().first().map(tradeoff::View::sentence);
+            let sentence = study.views().first().map(lab::tradeoff::View::sentence);
             let (settings, sentence) = (study.table.rows.len(), sentence.unwrap_or_default());
             print(&format!(
                 "{}: {origin}, {settings} settings. {sentence}\n",
@@ -116,7 +116,7 @@ fn conduct(
         }
         studies.push(study);
     }
-    let page = tradeoff::page(campaign, size, &studies, coordinator::made::made());
+    let page = lab::tradeoff::page(campaign, size, &studies, coordinator::made::made());
     let page = results::report::render_tradeoff(&page)?;
     for chart in &page.charts {
         write(

@@ -16,6 +16,7 @@ use coordinator::local::LocalWorkers;
 use coordinator::recorder::StoreRecorder;
 use coordinator::service::Service;
 use gateway::port::{self, Listeners};
+use lab::tradeoff::{Ended, Load, Ran, process_seconds};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
 use results::optima::Optima;
@@ -24,7 +25,6 @@ use stats::streams::{Purpose, stream};
 use store::{CampaignRow, DesignRow, Store};
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
-use tradeoff::{Ended, Load, Ran, process_seconds};
 use worker::Exec;
 
 /// Number of samples of a design.
@@ -84,7 +84,7 @@ pub(super) struct Programs<'a> {
     pub(super) shutdown: CancellationToken,
 }
 
-impl tradeoff::Runner for Programs<'_> {
+impl lab::tradeoff::Runner for Programs<'_> {
     fn samples(&mut self, load: &Load) -> anyhow::Result<Ran> {
         self.runtime.block_on(run(self.campaign, self.out, load))
     }

@@ -1,0 +1,116 @@
+//! Helpers that the entries of leases share.
+
+use std::time::Duration;
+
+use ledger::{
+    Delivery, Generation, Grant, History, LeaseId, Ledger, Options, StreamId, Unit, Vanished,
+    Wanted, WorkerId,
+};
+
+use crate::stability::outcome::{Failed, Outcome, variant};
+
+pub(super) const LEASE: Duration = Duration::from_secs(30);
+
+pub(super) const ONE: StreamId = StreamId::design(0);
+
+pub(super) fn at(seconds: f64) -> Duration {
+    Duration::from_secs_f64(seconds)
+}
+
+pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> Wanted<()> {
+    Wanted {
+        stream,
+        generation: Generation(generation),
+        source: (),
+        samples,
+        missing: std::iter::once(0..samples).collect(),
+        history: History::default(),
+        is_tolerant: false,
+    }
+}
+
+/// A ledger that needs `samples` samples of each design, with these workers; each lease has one
+/// design.
+pub(super) fn ledger(designs: u32, samples: u32, workers: &[WorkerId]) -> Ledger<()> {
+    let options = Options {
+        bundle: false,
+        ..Options::default()
+    };
+    with_options(options, designs, samples, workers)
+}
+
+pub(super) fn with_options(
+    options: Options,
+    designs: u32,
+    samples: u32,
+    workers: &[WorkerId],
+) -> Ledger<()> {
+    let mut ledger = Ledger::new(options, 1);
+    for design in 0..designs {
+        ledger.want(wanted(StreamId::design(design), 7, samples));
+    }
+    for worker in workers {
+        ledger.register(worker, "here", 1, Duration::ZERO);
+    }
+    ledger
+}
+
+pub(super) fn names<const N: usize>(names: [&str; N]) -> [WorkerId; N] {
+    names.map(WorkerId::from)
+}
+
+pub(super) fn lease(
+    ledger: &mut Ledger<()>,
+    worker: &WorkerId,
+    now: Duration,
+) -> Result<Grant<()>, Failed> {
+    Ok(ledger.lease(worker, now).ok_or("nothing was leased")?)
+}
+
+pub(super) fn units(grant: &Grant<()>) -> Vec<Unit> {
+    grant.units.iter().map(|(unit, ())| unit.clone()).collect()
+}
+
+pub(super) fn all_of(grant: &Grant<()>) -> Delivery {
+    Delivery {
+        stored: units(grant),
+        seconds: 0.1,
+        ..Delivery::default()
+    }
+}
+
+pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
+    let failed = grant.units.iter().map(|(unit, ())| ledger::Failed {
+        stream: unit.stream,
+        sample: Some(unit.samples.start),
+        error: "no load path".to_owned(),
+    });
+    Delivery {
+        failed: failed.collect(),
+        ..Delivery::default()
+    }
+}
+
+/// Sends a heartbeat for a lease that has begun. Returns the leases that are no longer needed.
+pub(super) fn beat(
+    ledger: &mut Ledger<()>,
+    worker: &WorkerId,
+    id: LeaseId,
+    now: Duration,
+) -> Vec<LeaseId> {
+    ledger.heartbeat(worker, &[(id, true)], now)
+}
+
+/// Records leases that expired after their job had started.
+pub(super) fn vanished(found: &mut Outcome, vanished: &[Vanished]) {
+    if let Some(one) = vanished.first() {
+        found.named(variant(one));
+    }
+}
+
+/// Records the answers of the coordinator to `coordinator explain`.
+pub(super) fn explained(found: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
+    for explanation in ledger.explain(now) {
+        found.detected(variant(&explanation), &explanation);
+    }
+}

@@ -1,0 +1,420 @@
+//! Percentiles of samples that are few, skewed, equal or gross.
+
+use rand::RngExt as _;
+use rand_distr::{Distribution as _, StandardNormal};
+use results::report::Scale;
+use stats::streams::{Purpose, StreamRng, stream};
+use stats::{
+    ChoiceRule, Control, EXACT_Z90, Method as Estimator, PAPER_Z90, Percentile, SensitivityPlan,
+    SequentialRule, VarianceFormula, choose_p90, control_variate_p90, harrell_davis_p90,
+    lilliefors, mean_sd, p90_interval, percentile_p90, samples_needed,
+};
+
+use crate::stability::outcome::{Failed, Outcome, variant};
+use crate::stability::{Entry, Method};
+
+pub(super) const ENTRIES: [Entry; 9] = [
+    Entry {
+        id: "percentile-skewed",
+        title: "The interval of m + z s under skewed samples",
+        input: "4 to 30 samples of a normal, an exponential and a log-normal distribution, 4000 times each",
+        instead: "The interval promises 95 % for normal samples only. For skewed samples m + z s aims at another \
+                  number, so that more samples do not help: “percentile = chosen” changes the estimator \
+                  where the samples are seen not to be normal.",
+        check: skewed,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "percentile-chosen",
+        title: "The chosen estimator under skewed samples",
+        input: "10 to 100 samples of a log-normal distribution, 2000 times each",
+        instead: "Lilliefors’ test rejects normality the more often the more samples there are, and Harrell and \
+                  Davis’s estimator takes over. With few samples of a heavy tail its interval is too narrow, too.",
+        check: chosen,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "percentile-outlier",
+        title: "An outlier of a million",
+        input: "30 normal samples, one of them 10⁶",
+        instead: "Normality is rejected. The percentile of the order statistics still leans on the outlier, \
+                  a quarter as much as m + z s, and its variance says so: its standard error is as large as \
+                  itself.",
+        check: outlier,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "percentile-too-few",
+        title: "Too few samples",
+        input: "3 samples for m + z s, 9 for order statistics, 3 for a normality test",
+        instead: "Each is refused with the number that is needed.",
+        check: too_few,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "percentile-equal",
+        title: "All samples equal",
+        input: "30 samples of 2.5",
+        instead: "The percentile is the value and its variance 0: the observation counts as exact. A normality \
+                  test is refused.",
+        check: equal,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "moments-cancellation",
+        title: "Cancellation",
+        input: "1000 normal samples of standard deviation 1 around 10⁹",
+        instead: "Two passes with a correction term; the textbook formula would have no digit left.",
+        check: cancellation,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "percentile-sequential",
+        title: "Sampling until it is precise enough",
+        input: "Normal samples until m + z s has a standard error of 0.135, first batches of 5, 10 and 25; 3000 \
+                times each",
+        instead: "Designs whose standard deviation comes out small by chance stop early, so that the percentile is \
+                  biased downwards. Larger first batches bound the bias.",
+        check: sequential,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "control-variate-useless",
+        title: "A control variate that controls nothing",
+        input: "30 normal samples with controls that are independent of them, 3000 times",
+        instead: "The fitted coefficient is noise, which costs a little variance. The correlation is returned, so \
+                  that it can be seen.",
+        check: useless_control,
+        ..Entry::blank(Method::Statistics)
+    },
+    Entry {
+        id: "sensitivity-constant",
+        title: "Sensitivity of an output that does not vary, or is not a number",
+        input: "Outputs that are all 1; outputs of which every second is NaN",
+        instead: "The first is refused. Of the second, rows with a number that is not finite are left out, and \
+                  too few are refused.",
+        check: constant_output,
+        ..Entry::blank(Method::Statistics)
+    },
+];
+
+fn rng(number: u64) -> StreamRng {
+    stream(22, Purpose::Test, number, 0)
+}
+
+fn normal(rng: &mut StreamRng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+fn exponential(rng: &mut StreamRng) -> f64 {
+    -(1.0 - rng.random::<f64>()).ln()
+}
+
+fn log_normal(rng: &mut StreamRng) -> f64 {
+    normal(rng).exp()
+}
+
+/// True 90 % quantiles: z₉₀, ln 10, exp z₉₀.
+const TRUTHS: [f64; 3] = [EXACT_Z90, std::f64::consts::LN_10, 3.602_224_479];
+
+fn covers((low, high): (f64, f64), truth: f64) -> bool {
+    (low..=high).contains(&truth)
+}
+
+fn skewed(found: &mut Outcome) -> Result<(), Failed> {
+    type Draw = fn(&mut StreamRng) -> f64;
+    let times = 4000;
+    let draws: [(&str, Draw); 3] = [
+        ("normal", normal),
+        ("exponential", exponential),
+        ("log-normal", log_normal),
+    ];
+    let mut coverage = Vec::new();
+    let mut rejected = Vec::new();
+    for (which, (name, draw)) in draws.into_iter().enumerate() {
+        let (mut covered, mut seen) = (Vec::new(), Vec::new());
+        for k in [4, 6, 8, 10, 15, 20, 30] {
+            let mut rng = rng(100 * which as u64 + k as u64);
+            let (mut inside, mut not_normal) = (0, 0);
+            for _ in 0..times {
+                let samples: Vec<f64> = (0..k).map(|_| draw(&mut rng)).collect();
+                let interval = p90_interval(&percentile_p90(&samples)?, 0.95)?;
+                inside += u32::from(covers(interval, TRUTHS[which]));
+                not_normal += u32::from(lilliefors(&samples)?.p_value < 0.05);
+            }
+            let share = |count: u32| 100.0 * f64::from(count) / f64::from(times);
+            covered.push([k as f64, share(inside)]);
+            seen.push([k as f64, share(not_normal)]);
+        }
+        coverage.push((name, covered));
+        rejected.push((name, seen));
+    }
+    let at =
+        |curve: &[[f64; 2]], k: f64| curve.iter().find(|p| p[0] == k).map_or(f64::NAN, |p| p[1]);
+    let least = |curve: &[[f64; 2]]| curve.iter().map(|p| p[1]).fold(100.0, f64::min);
+    // Of 4000 intervals, 95 % have a standard error of 0.35 %.
+    found.at_least(
+        "least coverage of normal samples, 4 to 30",
+        least(&coverage[0].1),
+        "%",
+        93.0,
+    );
+    found.at_least(
+        "coverage of exponential samples at 30",
+        at(&coverage[1].1, 30.0),
+        "%",
+        65.0,
+    );
+    found.at_least(
+        "coverage of log-normal samples at 30",
+        at(&coverage[2].1, 30.0),
+        "%",
+        45.0,
+    );
+    found.figure(
+        "coverage of log-normal samples at 4",
+        at(&coverage[2].1, 4.0),
+        "%",
+    );
+    found.at_least(
+        "log-normal samples rejected as normal at 30",
+        at(&rejected[2].1, 30.0),
+        "%",
+        90.0,
+    );
+    found.figure(
+        "log-normal samples rejected as normal at 4",
+        at(&rejected[2].1, 4.0),
+        "%",
+    );
+    found.chart(
+        "Coverage of the 95 % interval of m + z s",
+        ("samples", Scale::Linear),
+        ("coverage (%)", Scale::Linear),
+        coverage,
+    );
+    found.chart(
+        "Samples that Lilliefors’ test rejects at 5 %",
+        ("samples", Scale::Linear),
+        ("rejected (%)", Scale::Linear),
+        rejected,
+    );
+    Ok(())
+}
+
+fn chosen(found: &mut Outcome) -> Result<(), Failed> {
+    let times = 2000;
+    let (mut plain, mut chosen, mut switched) = (Vec::new(), Vec::new(), Vec::new());
+    for k in [10, 15, 20, 30, 50, 100] {
+        let mut rng = rng(1000 + k as u64);
+        let (mut of_normal, mut of_chosen, mut changes) = (0, 0, 0);
+        for _ in 0..times {
+            let samples: Vec<f64> = (0..k).map(|_| log_normal(&mut rng)).collect();
+            let estimate = percentile_p90(&samples)?;
+            of_normal += u32::from(covers(p90_interval(&estimate, 0.95)?, TRUTHS[2]));
+            let choice = choose_p90(&samples, &ChoiceRule::default())?.chosen;
+            changes += u32::from(choice.method == Estimator::HarrellDavis);
+            let estimate = Percentile {
+                p90: choice.p90,
+                variance: choice.variance,
+                ..estimate
+            };
+            of_chosen += u32::from(covers(p90_interval(&estimate, 0.95)?, TRUTHS[2]));
+        }
+        let share = |count: u32| [k as f64, 100.0 * f64::from(count) / f64::from(times)];
+        plain.push(share(of_normal));
+        chosen.push(share(of_chosen));
+        switched.push(share(changes));
+    }
+    let last = |curve: &[[f64; 2]]| curve[curve.len() - 1][1];
+    found.at_least(
+        "coverage of the chosen estimator at 100",
+        last(&chosen),
+        "%",
+        85.0,
+    );
+    found.figure("coverage of m + z s at 100", last(&plain), "%");
+    found.figure("coverage of the chosen estimator at 10", chosen[0][1], "%");
+    found.at_least(
+        "share of Harrell and Davis’s estimator at 100",
+        last(&switched),
+        "%",
+        99.0,
+    );
+    found.chart(
+        "Coverage of the 95 % interval, log-normal samples",
+        ("samples", Scale::Log),
+        ("coverage (%)", Scale::Linear),
+        vec![
+            ("m + z s", plain),
+            ("chosen", chosen),
+            ("share of order statistics", switched),
+        ],
+    );
+    Ok(())
+}
+
+fn outlier(found: &mut Outcome) -> Result<(), Failed> {
+    let mut rng = rng(2000);
+    let mut samples: Vec<f64> = (0..29).map(|_| normal(&mut rng)).collect();
+    samples.push(1e6);
+    let test = lilliefors(&samples)?;
+    let choice = choose_p90(&samples, &ChoiceRule::default())?;
+    let name = variant(&choice.chosen.method);
+    found.named(name);
+    found.at_most("p-value of normality", test.p_value, "", 1e-3);
+    let order = choice.chosen;
+    found.holds(
+        "order statistics take over",
+        order.method == Estimator::HarrellDavis,
+    );
+    let normal = percentile_p90(&samples)?;
+    found.at_most(
+        "percentile of order statistics over m + z s",
+        order.p90 / normal.p90,
+        "",
+        0.3,
+    );
+    found.figure("m + z s", normal.p90, "");
+    found.figure("percentile of order statistics", order.p90, "");
+    found.at_least(
+        "its standard error over it",
+        order.variance.sqrt() / order.p90,
+        "",
+        0.9,
+    );
+    Ok(())
+}
+
+fn too_few(found: &mut Outcome) -> Result<(), Failed> {
+    found.refused(percentile_p90(&[1.0, 2.0, 3.0]), "TooFewSamples");
+    let nine: Vec<f64> = (0..9).map(f64::from).collect();
+    found.refused(harrell_davis_p90(&nine), "TooFewSamples");
+    found.refused(lilliefors(&[1.0, 2.0, 3.0]), "TooFewSamples");
+    let choice = choose_p90(&nine, &ChoiceRule::default())?.chosen;
+    found.holds(
+        "of nine samples m + z s is chosen",
+        choice.method == Estimator::Normal,
+    );
+    Ok(())
+}
+
+fn equal(found: &mut Outcome) -> Result<(), Failed> {
+    let samples = [2.5; 30];
+    let percentile = percentile_p90(&samples)?;
+    found.at_most(
+        "error of the percentile",
+        (percentile.p90 - 2.5).abs(),
+        "",
+        0.0,
+    );
+    found.at_most("variance", percentile.variance, "", 0.0);
+    found.refused(lilliefors(&samples), "Constant");
+    let choice = choose_p90(&samples, &ChoiceRule::default())?.chosen;
+    found.holds("m + z s is chosen", choice.method == Estimator::Normal);
+    Ok(())
+}
+
+fn cancellation(found: &mut Outcome) -> Result<(), Failed> {
+    let mut rng = rng(2100);
+    let plain: Vec<f64> = (0..1000).map(|_| normal(&mut rng)).collect();
+    // Rounded as the sum with 10⁹ rounds them, so that both have the same deviations.
+    let far: Vec<f64> = plain.iter().map(|z| 1e9 + z).collect();
+    let near: Vec<f64> = far.iter().map(|y| y - 1e9).collect();
+    let (_, sd) = mean_sd(&far)?;
+    let (_, expected) = mean_sd(&near)?;
+    found.at_most(
+        "relative error of the standard deviation",
+        (sd / expected - 1.0).abs(),
+        "",
+        1e-12,
+    );
+    let n = far.len() as f64;
+    let (sum, squares) = far.iter().fold((0.0, 0.0), |(s, q), y| (s + y, q + y * y));
+    let textbook: f64 = ((squares - sum * sum / n) / (n - 1.0)).max(0.0);
+    found.figure(
+        "standard deviation by the textbook formula",
+        textbook.sqrt(),
+        "",
+    );
+    Ok(())
+}
+
+fn sequential(found: &mut Outcome) -> Result<(), Failed> {
+    let times = 3000;
+    for (batch, limit) in [(5, 0.15), (10, 0.08), (25, 0.04)] {
+        let rule = SequentialRule {
+            precision: 0.135,
+            batch,
+            most: 1000,
+            z: PAPER_Z90,
+            variance: VarianceFormula::Taylor,
+        };
+        let mut rng = rng(2200 + batch as u64);
+        let (mut bias, mut taken) = (0.0, 0);
+        for _ in 0..times {
+            let mut samples = Vec::new();
+            let mut sd = 0.0;
+            loop {
+                let more = samples_needed(samples.len(), sd, &rule)?;
+                if more == 0 {
+                    break;
+                }
+                samples.extend((0..more).map(|_| normal(&mut rng)));
+                sd = mean_sd(&samples)?.1;
+            }
+            taken += samples.len();
+            bias += percentile_p90(&samples)?.p90 - PAPER_Z90;
+        }
+        let mean = bias / f64::from(times);
+        found.at_most(
+            &format!("bias downwards, first batch of {batch}"),
+            -mean,
+            "σ",
+            limit,
+        );
+        let each = taken as f64 / f64::from(times);
+        found.figure(&format!("samples taken, first batch of {batch}"), each, "");
+    }
+    Ok(())
+}
+
+fn useless_control(found: &mut Outcome) -> Result<(), Failed> {
+    let times = 3000;
+    let mut rng = rng(2300);
+    let control = Control { mean: 0.0, sd: 1.0 };
+    let (mut plain, mut controlled) = (Vec::new(), Vec::new());
+    let mut largest = 0.0_f64;
+    for _ in 0..times {
+        let samples: Vec<f64> = (0..30).map(|_| normal(&mut rng)).collect();
+        let controls: Vec<f64> = (0..30).map(|_| normal(&mut rng)).collect();
+        plain.push(percentile_p90(&samples)?.p90);
+        let with = control_variate_p90(&samples, &controls, control, PAPER_Z90)?;
+        controlled.push(with.p90);
+        largest = largest.max(with.correlation.abs());
+    }
+    let ratio = (mean_sd(&controlled)?.1 / mean_sd(&plain)?.1).powi(2);
+    found.at_most(
+        "variance with the control over that without",
+        ratio,
+        "",
+        1.15,
+    );
+    found.figure("largest correlation by chance", largest, "");
+    Ok(())
+}
+
+fn constant_output(found: &mut Outcome) -> Result<(), Failed> {
+    let plan = SensitivityPlan::new(2, 64, 0)?;
+    let mut rng = rng(2400);
+    found.refused(
+        plan.analyse(&vec![1.0; plan.len()], 100, &mut rng),
+        "OutOfRange",
+    );
+    let mut outputs: Vec<f64> = (0..plan.len()).map(|i| plan.point(i)[0]).collect();
+    for output in outputs.iter_mut().step_by(2) {
+        *output = f64::NAN;
+    }
+    found.refused(plan.analyse(&outputs, 100, &mut rng), "TooFewSamples");
+    Ok(())
+}

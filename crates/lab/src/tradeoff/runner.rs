@@ -1,0 +1,214 @@
+//! The time of leases, messages, processes and the store besides the simulator.
+
+use campaign::Campaign;
+
+use crate::tradeoff::front::Rule;
+use crate::tradeoff::optimisation::Ended;
+use crate::tradeoff::study::Size;
+use crate::tradeoff::table::{Row, Table};
+use crate::tradeoff::view;
+
+pub(crate) const LEAD: &str = "Samples through leases, messages and the store, with workers of one slot in the coordinator's process, against the \
+     seconds that a sample takes. The built-in simulator computes; the others are an external program that sleeps, so \
+     that many workers fit on few processors. Time lost is the share of the workers' time, or of the processors' with \
+     the built-in simulator, in which no sample ran. The overhead is the CPU time beside that of the same samples in \
+     one thread. Where samples take longer than the recommended one, the runner does not matter.";
+
+const COLUMNS: [&str; 5] = [
+    "time a sample (s)",
+    "workers",
+    "samples a second",
+    "time lost (%)",
+    "CPU overhead a sample (µs)",
+];
+
+const LEAST_LOST: Rule = Rule::Within(10.0);
+
+pub(crate) const PAIRS: &[view::Pair] = &[
+    view::Pair {
+        cost: 0,
+        error: 3,
+        rule: LEAST_LOST,
+    },
+    view::Pair {
+        cost: 0,
+        error: 4,
+        rule: Rule::NearBest(0.5),
+    },
+];
+
+/// The samples to run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load {
+    /// Time that a program sleeps for each sample, in seconds; none for the built-in simulator.
+    pub sleep: Option<f64>,
+    /// Number of workers, of one slot each.
+    pub workers: usize,
+    /// Number of samples.
+    pub samples: u32,
+}
+
+/// The time of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ran {
+    /// Time from the first sample until the last one is stored, in seconds.
+    pub seconds: f64,
+    /// CPU time of this process meanwhile, in seconds.
+    pub cpu_seconds: f64,
+    /// CPU time of a sample in one thread, in seconds; zero for a program's sample.
+    pub alone_seconds: f64,
+}
+
+/// A runner of samples and campaigns.
+pub trait Runner {
+    /// Runs samples with workers.
+    ///
+    /// # Errors
+    ///
+    /// A worker or the store failed.
+    fn samples(&mut self, load: &Load) -> anyhow::Result<Ran>;
+
+    /// Runs a whole campaign and returns the result of each approach.
+    ///
+    /// # Errors
+    ///
+    /// The campaign failed.
+    fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<Ended>>;
+}
+
+pub(crate) fn run(
+    size: Size,
+    runner: &mut dyn Runner,
+    progress: &mut dyn FnMut(&str),
+) -> anyhow::Result<Table> {
+    let sleeps: &[f64] = size.pick(
+        &[1e-3, 1e-2, 0.1, 1.0, 10.0],
+        &[1e-3, 1e-2, 0.1],
+        &[1e-3][..],
+    );
+    let counts: &[usize] = size.pick(&[1, 2, 4, 8, 16], &[1, 2, 8], &[1, 2]);
+    let most_seconds = size.pick(3.0, 1.0, 0.1);
+    let built_in = size.pick(1_000_000, 300_000, 2_000);
+    let mut table = Table::new(&COLUMNS);
+    for sleep in std::iter::once(None).chain(sleeps.iter().copied().map(Some)) {
+        for &workers in counts {
+            let samples = match sleep {
+                None => built_in,
+                Some(sleep) => {
+                    // At least two samples for each worker.
+                    let each = (most_seconds / sleep).max(2.0);
+                    (each * workers as f64) as u32
+                }
+            };
+            let load = Load {
+                sleep,
+                workers,
+                samples,
+            };
+            table.rows.push(row(&load, &runner.samples(&load)?));
+        }
+        progress(&format!("runner: {}", name(sleep)));
+    }
+    Ok(table)
+}
+
+fn name(sleep: Option<f64>) -> String {
+    match sleep {
+        None => "built-in simulator".to_owned(),
+        Some(seconds) if seconds < 1.0 => format!("{} ms a sample", (1e3 * seconds).round()),
+        Some(seconds) => format!("{seconds} s a sample"),
+    }
+}
+
+fn row(load: &Load, ran: &Ran) -> Row {
+    let samples = f64::from(load.samples);
+    let each = load.sleep.unwrap_or(ran.alone_seconds);
+    let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let at_once = match load.sleep {
+        Some(_) => load.workers,
+        None => load.workers.min(processors),
+    };
+    let busy = samples * each / at_once as f64;
+    Row {
+        panel: "samples through the runner".to_owned(),
+        method: match load.workers {
+            1 => "1 worker".to_owned(),
+            count => format!("{count} workers"),
+        },
+        setting: name(load.sleep),
+        is_campaign: load.sleep.is_none() && load.workers == processors,
+        values: vec![
+            each,
+            load.workers as f64,
+            samples / ran.seconds,
+            100.0 * (1.0 - busy / ran.seconds).max(0.0),
+            1e6 * (ran.cpu_seconds / samples - ran.alone_seconds).max(0.0),
+        ],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lost_time_and_overhead_are_what_is_left_beside_the_simulator() {
+        let load = Load {
+            sleep: Some(0.1),
+            workers: 4,
+            samples: 80,
+        };
+        let ran = Ran {
+            seconds: 2.5,
+            cpu_seconds: 0.004,
+            alone_seconds: 0.0,
+        };
+        let row = row(&load, &ran);
+        let expected = [0.1, 4.0, 32.0, 20.0, 50.0];
+        for (found, expected) in row.values.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-9, "{:?}", row.values);
+        }
+        assert_eq!(
+            (&*row.method, &*row.setting),
+            ("4 workers", "100 ms a sample")
+        );
+    }
+
+    /// A runner that records its calls.
+    struct Fake(Vec<Load>);
+
+    impl Runner for Fake {
+        fn samples(&mut self, load: &Load) -> anyhow::Result<Ran> {
+            self.0.push(*load);
+            Ok(Ran {
+                seconds: 1.0,
+                cpu_seconds: 1.0,
+                alone_seconds: 1e-6,
+            })
+        }
+
+        fn campaign(&mut self, _: &Campaign) -> anyhow::Result<Vec<Ended>> {
+            anyhow::bail!("no campaign is asked for")
+        }
+    }
+
+    #[test]
+    fn every_worker_has_two_samples_of_a_slow_program() {
+        let mut fake = Fake(Vec::new());
+        let table = run(Size::Full, &mut fake, &mut |_| {}).unwrap();
+        let loads = fake.0;
+        assert_eq!(table.rows.len(), loads.len());
+        let slow = loads.iter().filter(|load| load.sleep == Some(10.0));
+        assert!(
+            slow.clone().count() == 5
+                && slow
+                    .clone()
+                    .all(|load| load.samples as usize == 2 * load.workers)
+        );
+        let seconds: f64 = loads
+            .iter()
+            .filter_map(|load| Some(load.sleep? * f64::from(load.samples) / load.workers as f64))
+            .sum();
+        assert!(seconds < 200.0, "{seconds} s of sleep");
+    }
+}

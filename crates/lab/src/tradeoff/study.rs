@@ -1,0 +1,176 @@
+//! The studies by name.
+
+use anyhow::Context as _;
+use campaign::formulation::Problem;
+
+use crate::tradeoff::runner::Runner;
+use crate::tradeoff::table::Table;
+use crate::tradeoff::view::View;
+use crate::tradeoff::{estimators, kriging, optimisation, percentile, runner, simulator};
+
+/// The size of a study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Size {
+    /// Reliable figures: eight minutes of CPU time for the paper's campaign.
+    Full,
+    /// Rough figures: a minute or two.
+    Quick,
+    /// A test of the program with about this many designs.
+    Designs(u32),
+}
+
+impl Size {
+    /// The name of the size.
+    #[must_use]
+    pub fn name(self) -> String {
+        match self {
+            Self::Full => "full".to_owned(),
+            Self::Quick => "quick".to_owned(),
+            Self::Designs(count) => format!("{count} designs"),
+        }
+    }
+
+    /// Picks the value for this size; a test takes the third.
+    pub(crate) fn pick<T>(self, full: T, quick: T, test: T) -> T {
+        match self {
+            Self::Full => full,
+            Self::Quick => quick,
+            Self::Designs(_) => test,
+        }
+    }
+
+    /// Number of designs to measure; a test measures at most its own number.
+    pub(crate) fn designs(self, full: usize, quick: usize) -> usize {
+        match self {
+            Self::Designs(count) => quick.min(count as usize),
+            _ => self.pick(full, quick, quick),
+        }
+    }
+}
+
+/// The kinds of study.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// The grid of the simulator.
+    Simulator,
+    /// The estimator of the percentile.
+    Percentile,
+    /// The estimator of the percentile, on responses that are not normal.
+    Estimators,
+    /// The model of the percentile.
+    Kriging,
+    /// The approach to the optimum.
+    Optimisation,
+    /// The runner of the samples.
+    Runner,
+}
+
+/// A study with its measurements.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Study {
+    /// The kind of study.
+    pub kind: Kind,
+    /// The measurements.
+    pub table: Table,
+}
+
+impl Kind {
+    /// All kinds, from the simulator outwards.
+    pub const ALL: [Self; 6] = [
+        Self::Simulator,
+        Self::Percentile,
+        Self::Estimators,
+        Self::Kriging,
+        Self::Optimisation,
+        Self::Runner,
+    ];
+
+    /// The name of the study's files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Simulator => "simulator",
+            Self::Percentile => "percentile",
+            Self::Estimators => "estimators",
+            Self::Kriging => "kriging",
+            Self::Optimisation => "optimisation",
+            Self::Runner => "runner",
+        }
+    }
+
+    /// The heading of the study.
+    #[must_use]
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Simulator => "Simulator",
+            Self::Percentile => "Percentile",
+            Self::Estimators => "Estimators",
+            Self::Kriging => "Kriging",
+            Self::Optimisation => "Optimisation",
+            Self::Runner => "Runner",
+        }
+    }
+
+    /// A paragraph that says what the study measures.
+    #[must_use]
+    pub const fn lead(self) -> &'static str {
+        match self {
+            Self::Simulator => simulator::LEAD,
+            Self::Percentile => percentile::LEAD,
+            Self::Estimators => estimators::LEAD,
+            Self::Kriging => kriging::LEAD,
+            Self::Optimisation => optimisation::LEAD,
+            Self::Runner => runner::LEAD,
+        }
+    }
+
+    /// Measures. `runner` runs samples and campaigns; `progress` receives messages on the way.
+    ///
+    /// # Errors
+    ///
+    /// The campaign designs no gears, too few of its designs are simulable, or the runner fails.
+    pub fn run(
+        self,
+        problem: &Problem,
+        size: Size,
+        runner: &mut dyn Runner,
+        progress: &mut dyn FnMut(&str),
+    ) -> anyhow::Result<Study> {
+        let table = match self {
+            Self::Simulator => simulator::run(problem, size, progress),
+            Self::Percentile => percentile::run(problem, size, progress),
+            Self::Estimators => estimators::run(problem, size, progress),
+            Self::Kriging => kriging::run(problem, size, progress),
+            Self::Optimisation => optimisation::run(problem, size, runner, progress),
+            Self::Runner => runner::run(size, runner, progress),
+        };
+        let table = table.with_context(|| format!("the study {}", self.name()))?;
+        Ok(Study { kind: self, table })
+    }
+}
+
+impl Study {
+    /// The charts of the study.
+    #[must_use]
+    pub fn views(&self) -> Vec<View<'_>> {
+        let pairs = match self.kind {
+            Kind::Simulator => simulator::PAIRS,
+            Kind::Percentile => percentile::PAIRS,
+            Kind::Estimators => estimators::PAIRS,
+            Kind::Kriging => kriging::PAIRS,
+            Kind::Optimisation => optimisation::PAIRS,
+            Kind::Runner => runner::PAIRS,
+        };
+        let panels = self.table.panels().into_iter();
+        panels
+            .flat_map(|panel| pairs.iter().map(move |pair| (panel, pair)))
+            .enumerate()
+            .map(|(number, (panel, pair))| View {
+                file: format!("{}-{}", self.kind.name(), number + 1),
+                table: &self.table,
+                panel,
+                pair: *pair,
+            })
+            .collect()
+    }
+}

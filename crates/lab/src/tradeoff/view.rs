@@ -1,0 +1,204 @@
+//! A view of one cost against one error: a chart and a recommendation.
+
+use results::report::{TradeoffChart, TradeoffSeries};
+
+use crate::tradeoff::front::{Reason, Rule, front, recommend};
+use crate::tradeoff::table::{Row, Table};
+
+/// A cost and an error of a study.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// The column of the cost.
+    pub cost: usize,
+    /// The column of the error.
+    pub error: usize,
+    /// The rule that chooses the recommended setting.
+    pub rule: Rule,
+}
+
+/// One panel of a study, as cost against error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View<'a> {
+    /// The name of the chart's files, without extension.
+    pub file: String,
+    /// The study's table.
+    pub table: &'a Table,
+    /// The panel.
+    pub panel: &'a str,
+    /// The cost and the error.
+    pub pair: Pair,
+}
+
+impl<'a> View<'a> {
+    fn rows(&self) -> Vec<&'a Row> {
+        let rows = self.table.rows.iter();
+        rows.filter(|row| row.panel == self.panel).collect()
+    }
+
+    fn point(&self, row: &Row) -> [f64; 2] {
+        [row.values[self.pair.cost], row.values[self.pair.error]]
+    }
+
+    /// The recommended setting.
+    #[must_use]
+    pub fn recommended(&self) -> Option<&'a Row> {
+        let rows = self.rows();
+        let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
+        recommend(&points, self.pair.rule).map(|(place, _)| rows[place])
+    }
+
+    /// The sentence that recommends a setting and says why.
+    #[must_use]
+    pub fn sentence(&self) -> String {
+        let rows = self.rows();
+        let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
+        let Some((place, reason)) = recommend(&points, self.pair.rule) else {
+            return "Nothing could be measured here.".to_owned();
+        };
+        let [cost, error] = [self.pair.cost, self.pair.error].map(|i| &self.table.columns[i]);
+        let why = match (reason, self.pair.rule) {
+            (Reason::CheapestWithin(limit), Rule::Within(_)) => {
+                format!("the cheapest whose {error} is at most {}", short(limit))
+            }
+            (Reason::CheapestWithin(_), Rule::NearBest(share)) => format!(
+                "the cheapest whose {error} is within {} % of the least measured",
+                short(100.0 * share)
+            ),
+            (Reason::MostAccurate, Rule::Within(limit)) => format!(
+                "the most accurate, since no setting measured has a {error} of at most {}",
+                short(limit)
+            ),
+            (Reason::MostAccurate, Rule::NearBest(_)) => "the most accurate".to_owned(),
+        };
+        let figures = |at: usize| {
+            let [x, y] = points[at].map(short);
+            format!("{cost} {x}, {error} {y}")
+        };
+        let mut text = format!(
+            "Recommended: {}, {} ({}). It is {why}.",
+            rows[place].method,
+            rows[place].setting,
+            figures(place)
+        );
+        // A campaign may have several settings here, such as approaches.
+        let own: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].is_campaign).collect();
+        let best = own
+            .iter()
+            .copied()
+            .min_by(|&a, &b| points[a][1].total_cmp(&points[b][1]));
+        let whose = match own.len() {
+            1 => "The campaign's",
+            _ => "The most accurate of the campaign's own",
+        };
+        match best {
+            Some(_) if rows[place].is_campaign => text.push_str(" The campaign has this setting."),
+            Some(own) => {
+                text += &format!(
+                    " {whose} is {}, {} ({}).",
+                    rows[own].method,
+                    rows[own].setting,
+                    figures(own)
+                );
+            }
+            None => {}
+        }
+        text
+    }
+
+    /// The chart.
+    #[must_use]
+    pub fn chart(&self) -> TradeoffChart {
+        let rows = self.rows();
+        let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
+        let mut series: Vec<TradeoffSeries> = Vec::new();
+        for (row, point) in rows.iter().zip(&points) {
+            match series.iter_mut().find(|one| one.name == row.method) {
+                Some(one) => one.points.push(*point),
+                None => series.push(TradeoffSeries {
+                    name: row.method.clone(),
+                    points: vec![*point],
+                }),
+            }
+        }
+        let own = rows.iter().zip(&points).filter(|(row, _)| row.is_campaign);
+        TradeoffChart {
+            file: self.file.clone(),
+            title: self.panel.to_owned(),
+            cost: self.table.columns[self.pair.cost].clone(),
+            error: self.table.columns[self.pair.error].clone(),
+            series,
+            front: front(&points).into_iter().map(|i| points[i]).collect(),
+            campaign: own.map(|(_, point)| *point).collect(),
+            recommended: self.recommended().map(|row| self.point(row)),
+            recommendation: self.sentence(),
+        }
+    }
+}
+
+/// A number with three significant digits.
+fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let digits = 2 - value.abs().log10().floor() as i32;
+    let scale = 10_f64.powi(digits);
+    let rounded = (value * scale).round() / scale;
+    format!("{rounded:.*}", digits.max(0) as usize)
+        .trim_end_matches(|c| digits > 0 && c == '0')
+        .trim_end_matches('.')
+        .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let of = |value: f64| short(value);
+        assert_eq!(of(0.012_34), "0.0123");
+        assert_eq!(of(2.0), "2");
+        assert_eq!(of(123_456.0), "123000");
+        assert_eq!(of(0.10), "0.1");
+        assert_eq!(of(300.0), "300");
+    }
+
+    #[test]
+    fn the_sentence_names_setting_reason_and_campaign() {
+        let mut table = Table::new(&["time (µs)", "error (%)"]);
+        for (panel, setting, is_campaign, values) in [
+            ("a", "8 × 4", false, [1.0, 2.0]),
+            ("a", "16 × 8", false, [2.0, 0.2]),
+            ("a", "32 × 16", true, [4.0, 0.1]),
+            ("b", "8 × 4", false, [0.5, 0.01]),
+        ] {
+            table.rows.push(Row {
+                panel: panel.to_owned(),
+                method: "prefix sums".to_owned(),
+                setting: setting.to_owned(),
+                is_campaign,
+                values: values.to_vec(),
+            });
+        }
+        let view = View {
+            file: "x".to_owned(),
+            table: &table,
+            panel: "a",
+            pair: Pair {
+                cost: 0,
+                error: 1,
+                rule: Rule::Within(0.5),
+            },
+        };
+        assert_eq!(
+            view.sentence(),
+            "Recommended: prefix sums, 16 × 8 (time (µs) 2, error (%) 0.2). It is the cheapest whose error (%) is \
+             at most 0.5. The campaign's is prefix sums, 32 × 16 (time (µs) 4, error (%) 0.1)."
+        );
+        let chart = view.chart();
+        assert_eq!(chart.series.len(), 1);
+        assert_eq!(chart.front.len(), 3, "rows of another panel do not count");
+        assert_eq!(chart.campaign, [[4.0, 0.1]]);
+        assert_eq!(chart.recommended, Some([2.0, 0.2]));
+    }
+}
