@@ -338,19 +338,13 @@ impl Source<'_> {
     /// array is `section[2]`.
     fn line_of(self, key: &str) -> usize {
         let (section, name) = key.rsplit_once('.').unwrap_or(("", key));
-        let mut fallback = 1;
-        for (index, (of, key)) in keys(self.text).enumerate() {
-            if of != section {
-                continue;
-            }
-            match key {
-                Some(key) if key == name => return index + 1,
-                // The header.
-                None if fallback == 1 => fallback = index + 1,
-                _ => {}
-            }
-        }
-        fallback
+        let lines = || keys(self.text).zip(1..);
+        let mut of_key = lines().filter(|((of, key), _)| of == section && *key == Some(name));
+        // The first line of a section is its header. A key without a section may be one itself.
+        let header = if section.is_empty() { name } else { section };
+        let mut of_section = lines().filter(|((of, _), _)| of == header);
+        let found = of_key.next().or_else(|| of_section.next());
+        found.map_or(1, |(_, line)| line)
     }
 }
 
@@ -452,6 +446,26 @@ mod tests {
         torque: f64,
         #[serde(default)]
         teeth: [u32; 2],
+    }
+
+    #[test]
+    fn an_error_has_the_line_of_its_key_or_of_its_section() {
+        let text = "# a comment\n\nseed = 1\n\n[load]  # x = 2\ntorque = 2.0\n[[rows]]\na = 1\n[[rows]]\na = 2\n";
+        let source = Source {
+            file: "c.toml",
+            text,
+        };
+        for (key, line) in [
+            ("seed", 3),
+            ("load.torque", 6),
+            ("load.teeth", 5),
+            ("load", 5),
+            ("rows[2].a", 10),
+            ("rows[2].b", 9),
+            ("other", 1),
+        ] {
+            assert_eq!(source.line_of(key), line, "{key}");
+        }
     }
 
     #[test]
