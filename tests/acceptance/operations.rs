@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use acceptance::http::{LOCALHOST, get};
 use acceptance::{Sandbox, assert_code, changed, free_address, printed, small_campaign};
-use gateway::Role;
-use gateway::client::ConnectArguments;
+use runner::gateway::Role;
+use runner::gateway::client::ConnectArguments;
 
 use crate::place::{DB, Place};
 

@@ -7,12 +7,12 @@ use std::time::Duration;
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, probe};
-use coordinator::board::Board;
-use coordinator::recorder::Recorder;
-use coordinator::service::Service;
 use ledger::{Generation, Options, StreamId, Unit, Wanted};
-use protocol::v1::RegisterRequest;
 use results::status::Status;
+use runner::coordinator::board::Board;
+use runner::coordinator::recorder::Recorder;
+use runner::coordinator::service::Service;
+use runner::protocol::v1::RegisterRequest;
 use store::{Batch, FailureRow, Receipt};
 
 /// Duration of a lease.
@@ -172,7 +172,7 @@ pub(crate) fn introduction(worker: &str) -> RegisterRequest {
     RegisterRequest {
         worker_id: worker.to_owned(),
         host: "here".to_owned(),
-        program_version: identity::BUILD.to_owned(),
+        program_version: runner::identity::BUILD.to_owned(),
         model_digest: digest().to_owned(),
         slots: 1,
         held: Vec::new(),

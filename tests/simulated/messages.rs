@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::compute;
-use coordinator::ingest;
-use coordinator::service::Service;
 use ledger::{Generation, StreamId, Unit};
 use proptest::prelude::*;
 use prost::Message;
-use protocol::v1::campaign_server::Campaign as _;
-use protocol::v1::{
+use runner::coordinator::ingest;
+use runner::coordinator::service::Service;
+use runner::protocol::v1::campaign_server::Campaign as _;
+use runner::protocol::v1::{
     self, Design, Directive, DrainRequest, Evaluated, ExplainRequest, HeartbeatRequest, HeldLease,
     LeaseRequest, LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest,
     RetryRequest, StatusRequest, UnitResult, WatchRequest,
@@ -28,7 +28,7 @@ fn answer(problem: &Problem) -> UnitResult {
         samples: 5..14,
     };
     let output = compute(problem, &unit, &source(problem, 3));
-    protocol::result(&unit, &output.map(Some), 0.1)
+    runner::protocol::result(&unit, &output.map(Some), 0.1)
 }
 
 /// A change of some bytes: the place in thousandths of the length, the number of bytes removed, and
@@ -203,7 +203,7 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
         id: Some(id),
         units,
     });
-    let version = prop_oneof![Just(identity::BUILD.to_owned()), "\\PC{0,9}"];
+    let version = prop_oneof![Just(runner::identity::BUILD.to_owned()), "\\PC{0,9}"];
     let held = prop::collection::vec(held, 0..4);
     let register = (a_worker(), version, any::<u32>(), "[0-9a-f]{0,64}", held).prop_map(
         |(worker_id, program_version, slots, model_digest, held)| {

@@ -10,14 +10,15 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::compute;
-use coordinator::board::{Board, Course};
-use gateway::{Dial, Link};
 use ledger::Vanished;
-use protocol::v1::campaign_server::CampaignServer;
-use protocol::v1::{
+use runner::coordinator::board::{Board, Course};
+use runner::gateway::{Dial, Link};
+use runner::protocol::v1::campaign_server::CampaignServer;
+use runner::protocol::v1::{
     Directive, HeartbeatRequest, Lease, LeaseRequest, LeaseResult, LeaseState, ReleaseRequest,
     ReportRequest,
 };
+use runner::worker::{Options, Worker};
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
@@ -26,7 +27,6 @@ use tonic::transport::Server;
 use tonic::transport::server::Connected;
 use turmoil::net::{TcpListener, TcpStream};
 use turmoil::{Builder, Sim};
-use worker::{Options, Worker};
 
 use crate::bench::{LEASE, Memory, campaign, expected, introduction, service};
 
@@ -412,7 +412,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
             let units = lease.units().map_err(|why| why.to_string())?;
             let of_units = units.iter().map(|(unit, source)| {
                 let output = compute(&*problem, unit, source);
-                protocol::result(unit, &output.map(Some), 0.1)
+                runner::protocol::result(unit, &output.map(Some), 0.1)
             });
             results.push(LeaseResult {
                 id: lease.id,

@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use ::studies::simulate::WearChoice;
 use campaign::Approach;
 use clap::{Args, Parser, Subcommand};
-use console::LogFormat;
-use coordinator::server;
-use gateway::address;
-use gateway::client::ConnectArguments;
 use results::export::Table;
 use results::table::Format;
+use runner::console::LogFormat;
+use runner::coordinator::server;
+use runner::gateway::address;
+use runner::gateway::client::ConnectArguments;
+use runner::worker::SimulatorArguments;
 use store::FailPoint;
-use worker::SimulatorArguments;
 
 mod modelling;
 mod studies;
@@ -26,7 +26,7 @@ pub(crate) use self::studies::{
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
 // Batch scripts append the user's options to their own: the last one counts.
 #[derive(Debug, Parser)]
-#[command(version = identity::BUILD, after_help = console::help_footer(), args_override_self = true)]
+#[command(version = runner::identity::BUILD, after_help = runner::console::help_footer(), args_override_self = true)]
 pub(crate) struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t, global = true)]

@@ -9,15 +9,15 @@ use std::time::Duration;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use campaign::{Campaign, FileError};
-use coordinator::local::LocalWorkers;
-use coordinator::server::{self, Outcome, Plan};
-use coordinator::serving::{self, Port};
-use gateway::access;
-use protocol::exit;
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;
 use results::{comparing, export, pair_file, reporting, status};
+use runner::coordinator::local::LocalWorkers;
+use runner::coordinator::server::{self, Outcome, Plan};
+use runner::coordinator::serving::{self, Port};
+use runner::gateway::access;
+use runner::protocol::exit;
 use stages::designs;
 use store::Store;
 use tokio_util::sync::CancellationToken;
@@ -87,13 +87,13 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         if cause.is::<FileAccess>() {
             return exit::FILE_ACCESS;
         }
-        if let Some(error) = cause.downcast_ref::<worker::Error>() {
+        if let Some(error) = cause.downcast_ref::<runner::worker::Error>() {
             return error.exit_code();
         }
-        if let Some(error) = cause.downcast_ref::<gateway::Error>() {
+        if let Some(error) = cause.downcast_ref::<runner::gateway::Error>() {
             return error.exit_code();
         }
-        if let Some(error) = cause.downcast_ref::<shards::Error>() {
+        if let Some(error) = cause.downcast_ref::<runner::shards::Error>() {
             return error.exit_code();
         }
         match cause.downcast_ref::<sharding::Misfit>() {
@@ -206,7 +206,7 @@ fn processors() -> u16 {
 /// The settings of `count` workers of this process, with the campaign's simulator.
 fn local_workers(
     campaign: &Campaign,
-    simulator: &worker::SimulatorArguments,
+    simulator: &runner::worker::SimulatorArguments,
     count: u16,
 ) -> Result<LocalWorkers, Usage> {
     let exec = simulator.exec();
@@ -316,7 +316,7 @@ async fn refuse_report_of_another(
 
 async fn conduct(plan: Plan) -> anyhow::Result<u8> {
     let shutdown = CancellationToken::new();
-    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
     refuse_report_of_another(&plan.out, &plan.campaign, &db).await?;
     let problem = Problem::new(plan.campaign.clone());
@@ -371,7 +371,8 @@ async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     output::refuse_report_of_another(&arguments.out, &[campaign.lineage(), row.digest])?;
-    let report = reporting::write(&store, &arguments.out, &coordinator::made::made()).await?;
+    let report =
+        reporting::write(&store, &arguments.out, &runner::coordinator::made::made()).await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)
 }

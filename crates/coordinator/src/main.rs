@@ -12,15 +12,15 @@ mod progress;
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use protocol::exit;
+use runner::protocol::exit;
 
 fn main() -> ExitCode {
     let arguments = arguments::Arguments::parse();
     if let Some(point) = arguments.fail_point {
         point.set();
     }
-    if let Err(error) = console::start_log(arguments.log_format) {
-        console::complain(&error.to_string());
+    if let Err(error) = runner::console::start_log(arguments.log_format) {
+        runner::console::complain(&error.to_string());
         return ExitCode::from(exit::USAGE);
     }
     let runtime = match tokio::runtime::Builder::new_multi_thread()
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
     {
         Ok(runtime) => runtime,
         Err(error) => {
-            console::complain(&format!("cannot start: {error}"));
+            runner::console::complain(&format!("cannot start: {error}"));
             return ExitCode::from(exit::FAILURE);
         }
     };
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
     match result {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
-            console::complain(&format!("{error:#}"));
+            runner::console::complain(&format!("{error:#}"));
             ExitCode::from(commands::exit_code(&error))
         }
     }

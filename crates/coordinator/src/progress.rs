@@ -63,7 +63,7 @@ impl Drop for Progress {
 
 impl Line {
     fn new(status: &Status) -> Self {
-        let bar = console::bars().add(ProgressBar::new(0));
+        let bar = runner::console::bars().add(ProgressBar::new(0));
         bar.enable_steady_tick(TICK);
         Self {
             stage: status.stage,
@@ -90,7 +90,7 @@ impl Line {
         let line = format!("{:>9} done in {took}", self.bar.prefix());
         self.bar.finish_and_clear();
         // Above the next line, and nowhere unless standard error is a terminal.
-        let _ = console::bars().println(line);
+        let _ = runner::console::bars().println(line);
     }
 }
 

@@ -5,22 +5,22 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use gateway::client::ConnectArguments;
-use gateway::port::{self, Listeners};
-use gateway::{Link, Role};
-use protocol::exit;
-use shards::Shard;
+use runner::gateway::client::ConnectArguments;
+use runner::gateway::port::{self, Listeners};
+use runner::gateway::{Link, Role};
+use runner::protocol::exit;
+use runner::shards::Shard;
+use runner::worker::{Options, SimulatorArguments, Summary, Worker};
 use tokio_util::sync::CancellationToken;
-use worker::{Options, SimulatorArguments, Summary, Worker};
 
 /// Leases jobs from a coordinator, simulates, and reports the results.
 // Batch scripts and service files append the user's options to their own: the last one counts.
 #[derive(Debug, Parser)]
-#[command(version = identity::BUILD, after_help = console::help_footer(), args_override_self = true)]
+#[command(version = runner::identity::BUILD, after_help = runner::console::help_footer(), args_override_self = true)]
 struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t)]
-    log_format: console::LogFormat,
+    log_format: runner::console::LogFormat,
     #[command(flatten)]
     connect: ConnectArguments,
     /// Number of jobs to compute at once [default: the number of processors]
@@ -58,8 +58,8 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    if let Err(error) = console::start_log(arguments.log_format) {
-        console::complain(&error.to_string());
+    if let Err(error) = runner::console::start_log(arguments.log_format) {
+        runner::console::complain(&error.to_string());
         return ExitCode::from(exit::USAGE);
     }
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
@@ -71,7 +71,7 @@ fn main() -> ExitCode {
         give_up_after: Duration::from_secs(arguments.give_up_after),
         // Without a home folder the current one has to do.
         undelivered: Some(arguments.undelivered.clone().unwrap_or_else(|| {
-            gateway::access::folder()
+            runner::gateway::access::folder()
                 .unwrap_or_default()
                 .join("undelivered")
         })),
@@ -87,13 +87,13 @@ fn main() -> ExitCode {
     {
         Ok(runtime) => runtime,
         Err(error) => {
-            console::complain(&format!("cannot start: {error}"));
+            runner::console::complain(&format!("cannot start: {error}"));
             return ExitCode::from(exit::FAILURE);
         }
     };
     let result: Result<Summary, Failed> = runtime.block_on(async {
         let shutdown = CancellationToken::new();
-        tokio::spawn(console::watch_signals(
+        tokio::spawn(runner::console::watch_signals(
             shutdown.clone(),
             "leaving: finishing what is being computed; Ctrl-C once more leaves at once",
         ));
@@ -123,7 +123,7 @@ fn main() -> ExitCode {
             })
         }
         Err(error) => {
-            console::complain(&error.to_string());
+            runner::console::complain(&error.to_string());
             ExitCode::from(error.exit_code())
         }
     }
@@ -133,11 +133,11 @@ fn main() -> ExitCode {
 #[derive(Debug, thiserror::Error)]
 enum Failed {
     #[error(transparent)]
-    Worker(#[from] worker::Error),
+    Worker(#[from] runner::worker::Error),
     #[error(transparent)]
-    Gateway(#[from] gateway::Error),
+    Gateway(#[from] runner::gateway::Error),
     #[error(transparent)]
-    Shard(#[from] shards::Error),
+    Shard(#[from] runner::shards::Error),
 }
 
 impl Failed {
@@ -157,7 +157,7 @@ async fn compute_shard(
     options: Options,
     shutdown: CancellationToken,
 ) -> Result<Summary, Failed> {
-    let service = shards::Service::new(Shard::read(shard)?, out.to_owned());
+    let service = runner::shards::Service::new(Shard::read(shard)?, out.to_owned());
     let (dial, local) = port::local();
     let listeners = Listeners { port: None, local };
     tokio::spawn(port::serve(

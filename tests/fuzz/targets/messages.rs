@@ -12,11 +12,11 @@ use std::time::Duration;
 
 use bench::{Memory, campaign, introduction, service};
 use campaign::formulation::Problem;
-use coordinator::service::Service;
+use runner::coordinator::service::Service;
 use libfuzzer_sys::fuzz_target;
 use prost::Message;
-use protocol::v1::campaign_server::Campaign as _;
-use protocol::v1::{
+use runner::protocol::v1::campaign_server::Campaign as _;
+use runner::protocol::v1::{
     DrainRequest, ExplainRequest, HeartbeatRequest, LeaseRequest, RegisterRequest, ReleaseRequest,
     ReportRequest, RetryRequest, StatusRequest, WatchRequest,
 };

@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 
 use campaign::Campaign;
 use campaign::formulation::Problem;
-use coordinator::ingest;
+use runner::coordinator::ingest;
 use libfuzzer_sys::fuzz_target;
 use prost::Message as _;
-use protocol::v1::UnitResult;
+use runner::protocol::v1::UnitResult;
 
 /// The problem of the workers' reports.
 fn problem() -> &'static Problem {

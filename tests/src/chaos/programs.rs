@@ -132,7 +132,7 @@ impl Programs {
     /// The command of a coordinator that serves workers.
     pub(crate) fn coordinator(&self, folder: &Path, access: &str, serving: Serving<'_>) -> Command {
         // Stale results are logged at this level.
-        let mut command = self.command("coordinator", folder, "info,coordinator=debug");
+        let mut command = self.command("coordinator", folder, "info,runner=debug");
         command.arg("serve").arg(serving.file);
         command.args(["--db", DB, "--out", "report", "--lease", "3"]);
         command.args(["--access", access, "--listen", &serving.listen.to_string()]);

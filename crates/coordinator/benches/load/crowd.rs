@@ -8,7 +8,7 @@ use anyhow::{Context as _, ensure};
 use campaign::formulation::Problem;
 use campaign::probe;
 use campaign::task::compute;
-use protocol::v1::{
+use runner::protocol::v1::{
     Directive, HeartbeatRequest, LeaseRequest, LeaseResult, RegisterRequest, ReportRequest,
 };
 
@@ -124,7 +124,7 @@ async fn member(
                 let computed = tokio::task::spawn_blocking(move || {
                     let result = |(unit, source): &(_, _)| {
                         let output = compute(&*problem, unit, source);
-                        protocol::result(unit, &output.map(Some), 0.0)
+                        runner::protocol::result(unit, &output.map(Some), 0.0)
                     };
                     units.iter().map(result).collect()
                 });
@@ -180,7 +180,7 @@ pub(super) fn introduction(worker_id: &str, digest: &str) -> RegisterRequest {
     RegisterRequest {
         worker_id: worker_id.to_owned(),
         host: "load".to_owned(),
-        program_version: identity::BUILD.to_owned(),
+        program_version: runner::identity::BUILD.to_owned(),
         model_digest: digest.to_owned(),
         slots: 1,
         held: Vec::new(),

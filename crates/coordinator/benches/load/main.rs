@@ -33,22 +33,22 @@ use anyhow::{Context as _, bail, ensure};
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
 use campaign::{Campaign, probe};
-use coordinator::board::{Board, Course};
-use coordinator::local::LocalWorkers;
-use coordinator::recorder::{Recorder, StoreRecorder};
-use coordinator::server::{self, Plan};
-use coordinator::service::Service;
-use coordinator::serving::Port;
-use gateway::access::Issuer;
-use gateway::client::ConnectArguments;
-use gateway::port::{self, Listeners};
-use gateway::{Link, Role};
 use ledger::StreamId;
-use protocol::v1::{Kind, LeaseRequest};
+use runner::coordinator::board::{Board, Course};
+use runner::coordinator::local::LocalWorkers;
+use runner::coordinator::recorder::{Recorder, StoreRecorder};
+use runner::coordinator::server::{self, Plan};
+use runner::coordinator::service::Service;
+use runner::coordinator::serving::Port;
+use runner::gateway::access::Issuer;
+use runner::gateway::client::ConnectArguments;
+use runner::gateway::port::{self, Listeners};
+use runner::gateway::{Link, Role};
+use runner::protocol::v1::{Kind, LeaseRequest};
+use runner::worker::{Exec, Options, Worker};
 use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleBlock, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
-use worker::{Exec, Options, Worker};
 
 fn main() -> anyhow::Result<()> {
     // `cargo bench` adds the argument `--bench`.
@@ -150,7 +150,7 @@ async fn new_store(path: &Path, campaign: &Campaign) -> anyhow::Result<Store> {
         file_text: toml::to_string(campaign)?,
         digest: campaign.digest(),
         seed: campaign.seed,
-        program_version: identity::BUILD.to_owned(),
+        program_version: runner::identity::BUILD.to_owned(),
         model_digest: None,
     };
     Ok(Store::create_or_open(path, &row).await?)

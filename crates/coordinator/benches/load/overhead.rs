@@ -6,10 +6,10 @@ use std::time::Duration;
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source, compute};
 use campaign::{Campaign, probe};
-use coordinator::board::Course;
 use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
 use prost::Message as _;
-use protocol::v1::LeaseResult;
+use runner::coordinator::board::Course;
+use runner::protocol::v1::LeaseResult;
 use store::DesignRow;
 
 use crate::{Process, campaign, cpu, cpu_parts, served, slow};
@@ -127,7 +127,7 @@ fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
     let units: Vec<(Unit, Arc<Source>)> = (0..).zip(points).map(unit).collect();
     let results = units.iter().map(|(unit, source)| {
         let output = compute(problem, unit, source);
-        protocol::result(unit, &output.map(Some), 1e-3)
+        runner::protocol::result(unit, &output.map(Some), 1e-3)
     });
     let result = LeaseResult {
         results: results.collect(),
@@ -143,7 +143,7 @@ fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
         announce: false,
         is_control: false,
     };
-    protocol::lease(&grant).encoded_len() + result.encoded_len()
+    runner::protocol::lease(&grant).encoded_len() + result.encoded_len()
 }
 
 /// CPU time of a campaign's samples with two workers, including their start and the coordinator's.

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
-use coordinator::board::{Board, Room};
 use ledger::{StreamId, WorkerId};
+use runner::coordinator::board::{Board, Room};
 
 /// Jobs that become free, one after the other.
 const JOBS: u32 = 10;

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use campaign::Approach;
 use clap::Args;
+use runner::worker::SimulatorArguments;
 use studies::pareto::Against;
 use studies::sweep::Teeth;
-use worker::SimulatorArguments;
 
 use super::approach_of_name;
 

@@ -8,8 +8,8 @@ use campaign::formulation::Problem;
 use campaign::task::{self, Output, Run, Source};
 use campaign::{Approach, optimise};
 use ledger::{Generation, StreamId, Unit};
-use protocol::exit;
 use rand::RngExt as _;
+use runner::protocol::exit;
 use serde::Serialize;
 use stages::references;
 use stages::stage::Stage;
@@ -17,7 +17,7 @@ use stats::streams::{Purpose, stream};
 
 use super::{print_either, read};
 use crate::arguments;
-use coordinator::compute::thread_seconds;
+use runner::coordinator::compute::thread_seconds;
 
 /// The plan of a campaign.
 #[derive(Serialize)]

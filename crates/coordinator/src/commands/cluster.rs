@@ -1,8 +1,8 @@
 //! `simulate-cluster`: how many workers one coordinator can serve.
 
 use lab::rehearsal::{Rehearsed, Scenario, Wave, rehearse};
-use protocol::exit;
 use results::report::{TradeoffChart, TradeoffSeries};
+use runner::protocol::exit;
 use serde::Serialize;
 use studies::table::write;
 use tracing::info;

@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use kriging::{FitOptions, Settings};
-use protocol::exit;
 use results::model;
 use results::modelling::table::Skipped;
 use results::modelling::{ModelFile, Request, Table, summary};
+use runner::protocol::exit;
 use store::Store;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
@@ -107,12 +107,12 @@ pub(super) async fn interruptible<T: Send + 'static>(
     doing: String,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> anyhow::Result<Option<T>> {
-    let bar = console::bars().add(ProgressBar::new_spinner());
+    let bar = runner::console::bars().add(ProgressBar::new_spinner());
     bar.set_style(ProgressStyle::with_template("{spinner} {msg}, {elapsed}")?);
     bar.set_message(doing);
     bar.enable_steady_tick(Duration::from_millis(200));
     let shutdown = CancellationToken::new();
-    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let found = tokio::select! {
         found = tokio::task::spawn_blocking(work) => Some(found?),
         () = shutdown.cancelled() => None,

@@ -9,18 +9,18 @@ use anyhow::Context as _;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
-use coordinator::board::{self, Board, Room};
-use coordinator::engine::Engine;
-use coordinator::recorder::StoreRecorder;
-use coordinator::server;
-use coordinator::service::Service;
 use ledger::WorkerId;
-use protocol::exit;
-use protocol::v1::campaign_server::Campaign as _;
-use protocol::v1::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
 use results::{reporting, status};
+use runner::coordinator::board::{self, Board, Room};
+use runner::coordinator::engine::Engine;
+use runner::coordinator::recorder::StoreRecorder;
+use runner::coordinator::server;
+use runner::coordinator::service::Service;
+use runner::protocol::exit;
+use runner::protocol::v1::campaign_server::Campaign as _;
+use runner::protocol::v1::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
+use runner::shards::{Header, Part, Shard};
 use serde::Serialize;
-use shards::{Header, Part, Shard};
 use stages::stage::Stage;
 use store::Store;
 use tokio_util::sync::CancellationToken;
@@ -113,7 +113,7 @@ async fn plan_store(
         .await?
         .is_some()
     {
-        let report = reporting::write(store, report, &coordinator::made::made()).await?;
+        let report = reporting::write(store, report, &runner::coordinator::made::made()).await?;
         return Ok(Planned {
             schema_version: 1,
             stage: Stage::Done.name().to_owned(),
@@ -175,7 +175,7 @@ async fn leases(board: &Board) -> Vec<Lease> {
         if grants.is_empty() {
             return leases;
         }
-        leases.extend(grants.iter().map(protocol::lease));
+        leases.extend(grants.iter().map(runner::protocol::lease));
     }
 }
 
@@ -307,7 +307,7 @@ async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> a
         let introduction = RegisterRequest {
             worker_id: worker_id.clone(),
             host: part.path.display().to_string(),
-            program_version: identity::BUILD.to_owned(),
+            program_version: runner::identity::BUILD.to_owned(),
             model_digest: part.header.model_digest.clone(),
             slots: 1,
             held: vec![held],
@@ -320,7 +320,7 @@ async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> a
         let whole = results
             .iter_mut()
             .flat_map(|result| std::mem::take(&mut result.results));
-        let whole = protocol::v1::LeaseResult {
+        let whole = runner::protocol::v1::LeaseResult {
             results: whole.collect(),
             id: Some(id),
             ..Default::default()

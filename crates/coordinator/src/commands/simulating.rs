@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ::studies::simulate::{self, WearChoice};
 use campaign::PairFile;
-use protocol::exit;
+use runner::protocol::exit;
 use tracing::{info, warn};
 
 use super::{FileAccess, Usage, print_either, read};
@@ -49,7 +49,7 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
         let name = arguments.pair.file_stem().unwrap_or_default();
         let subject = simulate::Subject {
             title: &name.to_string_lossy(),
-            program_version: identity::BUILD,
+            program_version: runner::identity::BUILD,
             file: &file,
             request,
         };

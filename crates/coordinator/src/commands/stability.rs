@@ -1,8 +1,8 @@
 //! `coordinator stability`: inputs on which numerical methods fail, run and measured.
 
 use lab::stability::Atlas;
-use protocol::exit;
 use results::table::SCHEMA_VERSION;
+use runner::protocol::exit;
 use serde_json::json;
 use studies::table;
 use tracing::info;
@@ -21,7 +21,7 @@ pub(super) fn stability(arguments: &arguments::Stability) -> anyhow::Result<u8> 
     for (name, table) in atlas.tables()? {
         table::write(out, &name, table)?;
     }
-    table::write(out, PAGE, atlas.page(identity::BUILD)?)?;
+    table::write(out, PAGE, atlas.page(runner::identity::BUILD)?)?;
     let json = json!({
         "schema_version": SCHEMA_VERSION,
         "folder": out.display().to_string(),

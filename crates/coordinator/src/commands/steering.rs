@@ -3,12 +3,12 @@
 use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
-use gateway::client::ConnectArguments;
-use gateway::{Link, Role};
-use protocol::exit;
-use protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
 use results::describing::describe;
 use results::status::{self, Status};
+use runner::gateway::client::ConnectArguments;
+use runner::gateway::{Link, Role};
+use runner::protocol::exit;
+use runner::protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
 use store::Store;
 
 use super::{print, print_either};
@@ -41,7 +41,7 @@ pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
             Ok(status) => status,
             Err(error) if arguments.watch && source.may_come_back(&error) => {
                 let since = *away_since.get_or_insert_with(|| {
-                    console::complain(&format!("{error}; asking again"));
+                    runner::console::complain(&format!("{error}; asking again"));
                     Instant::now()
                 });
                 if since.elapsed() > AWAY {
@@ -78,7 +78,7 @@ impl Source {
     fn may_come_back(&self, error: &anyhow::Error) -> bool {
         let is_away = matches!(
             error.downcast_ref(),
-            Some(gateway::Error::Unreachable { .. })
+            Some(runner::gateway::Error::Unreachable { .. })
         );
         is_away && matches!(self, Self::Coordinator { seen, .. } if *seen > 0)
     }
@@ -100,7 +100,7 @@ impl Source {
     }
 }
 
-fn link(connect: &ConnectArguments) -> Result<Link, gateway::Error> {
+fn link(connect: &ConnectArguments) -> Result<Link, runner::gateway::Error> {
     connect.link(Role::Client)
 }
 

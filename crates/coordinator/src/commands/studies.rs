@@ -6,8 +6,8 @@ use std::time::Instant;
 use campaign::Campaign;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
-use coordinator::server::{self, Outcome, Plan};
-use protocol::exit;
+use runner::coordinator::server::{self, Outcome, Plan};
+use runner::protocol::exit;
 use store::Store;
 use studies::refusal::{require_built_in, require_gears};
 use studies::table::Document;
@@ -35,7 +35,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
         source,
     })?;
     let shutdown = CancellationToken::new();
-    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let mut incomplete = false;
     for member in &members {
         refuse_network_store(&member.db, arguments.allow_network_store)?;

@@ -9,7 +9,7 @@ use campaign::Campaign;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use lab::tradeoff::{Kind, Size, Study, Table};
-use protocol::exit;
+use runner::protocol::exit;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use studies::refusal::{require_built_in, require_gears};
@@ -22,10 +22,10 @@ use super::output::refuse_taken;
 use super::{FileAccess, Usage, campaign_or_paper, print};
 use crate::arguments;
 
-mod runner;
+mod overhead;
 
-use runner::Programs;
-pub(super) use runner::sleep_program;
+use overhead::Programs;
+pub(super) use overhead::sleep_program;
 
 /// The file that records the campaign, size and program of a folder's tables.
 const STAMP: &str = "measured.json";
@@ -60,7 +60,7 @@ pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u
     let out = arguments.out.unwrap_or_else(default);
     claim(&out, &campaign, size)?;
     let shutdown = CancellationToken::new();
-    tokio::spawn(console::watch_signals(shutdown.clone(), "stopping"));
+    tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let is_json = arguments.json;
     let token = shutdown.clone();
     let kinds = match arguments.study.is_empty() {
@@ -116,7 +116,7 @@ fn conduct(
         }
         studies.push(study);
     }
-    let page = lab::tradeoff::page(campaign, size, &studies, coordinator::made::made());
+    let page = lab::tradeoff::page(campaign, size, &studies, runner::coordinator::made::made());
     let page = results::report::render_tradeoff(&page)?;
     for chart in &page.charts {
         write(
@@ -164,7 +164,7 @@ fn claim(out: &Path, campaign: &Campaign, size: Size) -> anyhow::Result<()> {
         schema_version: 1,
         campaign_digest: campaign.digest(),
         size: size.name(),
-        program_version: identity::BUILD.to_owned(),
+        program_version: runner::identity::BUILD.to_owned(),
     };
     let path = out.join(STAMP);
     let text = match std::fs::read_to_string(&path) {
@@ -266,7 +266,7 @@ mod tests {
         assert!(said(claim(&out, &paper, Size::Full)).contains("another size, quick, not full"));
         let stamp = out.join(STAMP);
         let text = std::fs::read_to_string(&stamp).unwrap();
-        std::fs::write(&stamp, text.replace(identity::BUILD, "0.0.0+0")).unwrap();
+        std::fs::write(&stamp, text.replace(runner::identity::BUILD, "0.0.0+0")).unwrap();
         assert!(said(claim(&out, &paper, Size::Quick)).contains("another program version"));
         std::fs::write(&stamp, "{").unwrap();
         assert!(said(claim(&out, &paper, Size::Quick)).contains("cannot be read"));

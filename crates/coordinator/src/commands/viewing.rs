@@ -2,8 +2,8 @@
 
 use std::net::{Ipv4Addr, SocketAddr};
 
-use coordinator::serving::listen;
-use protocol::exit;
+use runner::coordinator::serving::listen;
+use runner::protocol::exit;
 use store::Store;
 use tokio_util::sync::CancellationToken;
 
@@ -31,13 +31,13 @@ pub(super) async fn view(arguments: arguments::View) -> anyhow::Result<u8> {
     let store = Store::open_read_only(&arguments.db).await?;
     let anywhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let listener = listen("--http", arguments.http.unwrap_or(anywhere)).await?;
-    console::announce(&format!(
+    runner::console::announce(&format!(
         "the page of {} is at http://{}; Ctrl-C ends it",
         arguments.db.display(),
         listener.local_addr()?
     ));
     let stop = CancellationToken::new();
-    tokio::spawn(console::watch_signals(stop.clone(), "stopping"));
+    tokio::spawn(runner::console::watch_signals(stop.clone(), "stopping"));
     results::live::serve(
         listener,
         results::live::Site::new(store.clone(), None),

@@ -1,7 +1,3 @@
-//! The service and the engine on a real store, called as from the network; and the program.
+//! The program.
 
-mod enrichment;
 mod modelling;
-mod precision;
-mod running;
-mod service;

@@ -12,9 +12,9 @@ use ledger::{
     Wanted,
 };
 use prost::Message as _;
-use protocol::v1::{LeaseResponse, LeaseResult, ReportRequest};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, LogNormal};
+use runner::protocol::v1::{LeaseResponse, LeaseResult, ReportRequest};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, StreamRng, stream};
 
@@ -226,7 +226,7 @@ impl<'a> Simulation<'a> {
                 grants.push(grant);
             }
             let answer = LeaseResponse {
-                leases: grants.iter().map(protocol::lease).collect(),
+                leases: grants.iter().map(runner::protocol::lease).collect(),
                 directive: 0,
             };
             (grants, answer.encode_to_vec().len())
@@ -387,7 +387,7 @@ fn report(name: &ledger::WorkerId, held: &Held, seconds: f64) -> Vec<u8> {
             },
             _ => Output::Samples(samples),
         };
-        protocol::result(unit, &Ok(Some(output)), seconds)
+        runner::protocol::result(unit, &Ok(Some(output)), seconds)
     };
     let result = LeaseResult {
         id: Some(held.id.into()),
@@ -406,7 +406,7 @@ fn decoded(request: &[u8]) -> Vec<Unit> {
     let request = ReportRequest::decode(request).unwrap_or_default();
     let results = request.results.iter().flat_map(|result| &result.results);
     results
-        .filter_map(|result| Some(protocol::output(result).ok()?.0))
+        .filter_map(|result| Some(runner::protocol::output(result).ok()?.0))
         .collect()
 }
 

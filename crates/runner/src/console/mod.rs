@@ -1,0 +1,176 @@
+//! Console facilities shared by the coordinator and the worker: log, progress bars, signals, help,
+//! and messages to a service manager.
+
+#![expect(
+    clippy::disallowed_methods,
+    reason = "reads PITCHLINE_LOG and NO_COLOR for both programs, and feeds a watchdog"
+)]
+
+pub mod service;
+
+use std::io::{IsTerminal as _, Write as _};
+use std::sync::OnceLock;
+
+use crate::protocol::exit;
+use indicatif::MultiProgress;
+use tokio::signal::unix::{SignalKind, signal};
+use tokio_util::sync::CancellationToken;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
+
+/// The environment variable that sets the log levels.
+pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
+
+/// The format of the log.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogFormat {
+    /// Lines for people.
+    #[default]
+    Text,
+    /// One JSON object per line.
+    Json,
+}
+
+/// The environment variable for the log levels is invalid.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{LOG_VARIABLE} is {found:?}, but must be off, error, warn, info, debug or trace, or such levels for \
+     parts of the program, as in warn,runner=debug"
+)]
+pub struct BadLogLevel {
+    found: String,
+}
+
+/// Starts logging to standard error. Colour is used only on a terminal and without `NO_COLOR`.
+///
+/// # Errors
+///
+/// The environment variable [`LOG_VARIABLE`] is invalid.
+pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
+    let levels = match std::env::var_os(LOG_VARIABLE) {
+        None => Targets::new().with_default(LevelFilter::INFO),
+        Some(text) => levels(&text.to_string_lossy())?,
+    };
+    let lines = tracing_subscriber::fmt::layer()
+        .with_target(false)
+        .with_writer(|| BesideBars);
+    let log = tracing_subscriber::registry().with(levels);
+    match format {
+        LogFormat::Text => {
+            let stderr = std::io::stderr();
+            let colour = stderr.is_terminal() && std::env::var_os("NO_COLOR").is_none();
+            log.with(lines.with_ansi(colour)).init();
+        }
+        LogFormat::Json => log.with(lines.json().flatten_event(true)).init(),
+    }
+    Ok(())
+}
+
+/// Parses the log levels for the whole program and for parts of it. A bare word that is not a level
+/// is refused: it would be taken as the name of a part, with everything logged.
+fn levels(text: &str) -> Result<Targets, BadLogLevel> {
+    let bad = || BadLogLevel {
+        found: text.to_owned(),
+    };
+    if text.trim().is_empty() {
+        return Ok(Targets::new().with_default(LevelFilter::INFO));
+    }
+    let is_bad = |part: &str| match part.split_once('=') {
+        Some((name, level)) => name.is_empty() || level.is_empty(),
+        None => part.parse::<LevelFilter>().is_err(),
+    };
+    if text.split(',').map(str::trim).any(is_bad) {
+        return Err(bad());
+    }
+    text.parse().map_err(|_| bad())
+}
+
+/// The progress bars of this program, on standard error. They are drawn only on a terminal.
+pub fn bars() -> &'static MultiProgress {
+    static BARS: OnceLock<MultiProgress> = OnceLock::new();
+    BARS.get_or_init(MultiProgress::new)
+}
+
+/// Standard error, with the bars hidden while a line of the log is written.
+struct BesideBars;
+
+impl std::io::Write for BesideBars {
+    fn write(&mut self, buffer: &[u8]) -> std::io::Result<usize> {
+        bars().suspend(|| std::io::stderr().write(buffer))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        std::io::stderr().flush()
+    }
+}
+
+/// Prints the reason why a program ends to standard error, whatever the log levels.
+pub fn complain(sentence: &str) {
+    // If standard error is closed, only the exit code tells.
+    let _ = writeln!(std::io::stderr(), "error: {sentence}");
+}
+
+/// Prints a sentence that the user needs to standard error, whatever the log levels.
+pub fn announce(sentence: &str) {
+    let _ = writeln!(std::io::stderr(), "{sentence}");
+}
+
+/// The end of `--help`: environment variables and exit codes.
+#[must_use]
+pub fn help_footer() -> String {
+    let codes = exit::TABLE
+        .iter()
+        .map(|(code, meaning)| format!("  {code:>2}  {meaning}\n"));
+    format!(
+        "Environment:\n  {LOG_VARIABLE}  what to log to standard error [default: info]\n\n\
+         Exit codes:\n{}",
+        codes.collect::<String>()
+    )
+}
+
+/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`. A later SIGINT, such
+/// as a second Ctrl-C, ends the program at once. A later SIGTERM has no effect, since batch systems
+/// send several.
+pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
+    let (Ok(mut terminate), Ok(mut interrupt)) = (
+        signal(SignalKind::terminate()),
+        signal(SignalKind::interrupt()),
+    ) else {
+        return;
+    };
+    loop {
+        let is_interrupt = tokio::select! {
+            _ = terminate.recv() => false,
+            _ = interrupt.recv() => true,
+        };
+        if !shutdown.is_cancelled() {
+            tracing::info!("{notice}");
+            shutdown.cancel();
+        } else if is_interrupt {
+            std::process::exit(i32::from(exit::INTERRUPTED));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_level_is_refused_with_those_there_are() {
+        for good in ["", "off", "WARN", "warn,runner=debug"] {
+            assert!(levels(good).is_ok(), "{good}");
+        }
+        for bad in [
+            "nonsense",
+            "info,loud",
+            "runner=loud",
+            "runner=",
+            "=",
+        ] {
+            let text = levels(bad).unwrap_err().to_string();
+            assert!(text.contains(bad) && text.contains("warn, info"), "{text}");
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! The machine, time and program version of a report, which are no part of any result.
+
+use std::time::SystemTime;
+
+/// (label, value) pairs for [`results::reporting::write`].
+#[must_use]
+pub fn made() -> Vec<(String, String)> {
+    let machine = rustix::system::uname();
+    let system = [machine.sysname(), machine.release(), machine.machine()];
+    let system = system.map(|part| part.to_string_lossy().into_owned());
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    [
+        ("Report made", httpdate::fmt_http_date(SystemTime::now())),
+        (
+            "Machine",
+            format!(
+                "{} ({}, processors: {processors})",
+                machine.nodename().to_string_lossy(),
+                system.join(" "),
+            ),
+        ),
+        ("Report by version", crate::identity::BUILD.to_owned()),
+    ]
+    .map(|(label, value)| (label.to_owned(), value))
+    .to_vec()
+}

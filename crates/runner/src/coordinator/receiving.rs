@@ -1,0 +1,369 @@
+//! The path of reported results: the board accepts them, the recorder stores them, the board counts
+//! them.
+
+use std::ops::Range;
+
+use crate::protocol::v1::{LeaseResult, UnitResult};
+use campaign::formulation::Problem;
+use campaign::task::{self, Evaluation, Output, Source};
+use futures_util::future::join_all;
+use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
+use stages::names;
+use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleBlock};
+use tonic::Status;
+use tracing::{debug, error, info, warn};
+
+use crate::coordinator::board::Board;
+use crate::coordinator::ingest;
+use crate::coordinator::recorder::Recorder;
+
+/// Maximum length of a recorded error message, in bytes.
+const ERROR_BYTES: usize = 16 << 10;
+
+/// The receiver of reported results.
+pub(crate) struct Receiving<'a, R> {
+    /// The campaign's problem.
+    pub(crate) problem: &'a Problem,
+    /// The board with the jobs.
+    pub(crate) board: &'a Board,
+    /// The recorder of results.
+    pub(crate) recorder: &'a R,
+}
+
+impl<R: Recorder> Receiving<'_, R> {
+    /// Stores the results of a worker's leases and delivers the leases.
+    pub(crate) async fn take_results(
+        &self,
+        worker: &WorkerId,
+        results: Vec<LeaseResult>,
+    ) -> Result<(), Status> {
+        let mut all = Vec::new();
+        let mut commits = Vec::new();
+        for (of, result) in results.iter().enumerate() {
+            let mut brought = Brought::default();
+            for unit in &result.results {
+                self.take(worker, unit, &mut brought);
+            }
+            // Designs are committed together. A result that depends on a generation is committed
+            // alone.
+            let (alone, together): (Vec<Part>, Vec<Part>) = std::mem::take(&mut brought.parts)
+                .into_iter()
+                .partition(|part| part.batch.only_for.is_some());
+            let together = (!together.is_empty()).then_some(together);
+            let groups = alone.into_iter().map(|part| vec![part]).chain(together);
+            for group in groups {
+                commits.push(async move { (of, self.commit(group).await) });
+            }
+            all.push(brought);
+        }
+        // The writer commits all waiting batches at once.
+        for (of, committed) in join_all(commits).await {
+            let committed = committed.map_err(|failed| {
+                error!(error = %failed, "results could not be stored");
+                not_stored(&failed)
+            })?;
+            for (part, outcome) in committed {
+                all[of].note(worker, part, outcome);
+            }
+        }
+        for (result, mut brought) in results.into_iter().zip(all) {
+            // A failure that an earlier coordinator recorded counts already.
+            let mut counted = Vec::with_capacity(brought.failed.len());
+            for failed in std::mem::take(&mut brought.failed) {
+                let is_known = match failed.serial {
+                    Some(serial) => self.recorder.knows_failure(worker.as_str(), serial).await,
+                    None => Ok(false),
+                };
+                if !is_known.map_err(|error| not_stored(&error))? {
+                    counted.push(failed);
+                }
+            }
+            let lease = LeaseId::from(result.id.unwrap_or_default());
+            let failures = counted.iter();
+            let delivery = Delivery {
+                failed: failures.map(Failed::to_ledger).collect(),
+                stored: brought.stored,
+                refused: brought.refused,
+                has_answers: brought.has_answers,
+                seconds: result.wall_seconds,
+            };
+            let (outcomes, suspended) = self.board.deliver(worker, lease, delivery);
+            if let Some(time) = suspended {
+                warn!(%worker, seconds = time.as_secs_f64().ceil(),
+                    "a worker failed several in a row and gets nothing for so long");
+            }
+            for (failed, outcome) in counted.into_iter().zip(outcomes) {
+                let outcome = match outcome {
+                    Failure::Conclusive if !self.conclude(&failed).await? => {
+                        self.board.give_up(failed.stream, &failed.error);
+                        Failure::Quarantined
+                    }
+                    outcome => outcome,
+                };
+                self.record(worker, lease, failed, outcome).await?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the result of a unit and adds it to `brought`.
+    fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
+        let read = match ingest::read(self.problem, result) {
+            Ok(read) => read,
+            Err(why) => {
+                warn!(%worker, "a result {why}; it is dropped");
+                return;
+            }
+        };
+        let stream = read.unit.stream;
+        let is_answer = read.is_refused || !read.unit.samples.is_empty();
+        brought.has_answers |= read.rows.is_ok() && is_answer;
+        if self.board.accept(&read.unit) == Accepted::Stale {
+            debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");
+            return;
+        }
+        match read.rows {
+            Ok(batch) => brought.parts.push(Part {
+                unit: read.unit,
+                is_refused: read.is_refused,
+                serial: read.serial,
+                batch,
+            }),
+            Err(error) => brought.failed.push(Failed {
+                stream,
+                samples: match result.error {
+                    Some(_) => read.unit.samples,
+                    // The numbers are implausible: all of the unit is computed again.
+                    None => read.unit.samples.start..read.unit.samples.start,
+                },
+                serial: read.serial,
+                error,
+                contradicts: false,
+            }),
+        }
+    }
+
+    /// Stores parts and returns the outcome of each. The outer error says that nothing was stored.
+    async fn commit(
+        &self,
+        parts: Vec<Part>,
+    ) -> Result<Vec<(Part, Result<Receipt, store::Error>)>, store::Error> {
+        let mut batch = Batch::default();
+        for part in &parts {
+            batch.append(part.batch.clone());
+        }
+        match self.recorder.record(batch).await {
+            Ok(receipt) => Ok(parts.into_iter().map(|part| (part, Ok(receipt))).collect()),
+            Err(refused) if refused.is_refusal() && parts.len() == 1 => Ok(parts
+                .into_iter()
+                .map(|part| (part, Err(refused.clone())))
+                .collect()),
+            Err(refused) if refused.is_refusal() => {
+                // A part that contradicts the store must not keep the others from being stored.
+                let mut outcomes = Vec::with_capacity(parts.len());
+                for part in parts {
+                    match self.recorder.record(part.batch.clone()).await {
+                        Err(failed) if !failed.is_refusal() => return Err(failed),
+                        outcome => outcomes.push((part, outcome)),
+                    }
+                }
+                Ok(outcomes)
+            }
+            Err(failed) => Err(failed),
+        }
+    }
+
+    /// The rows that stand for a failure that is a result, and the unit that they settle; `None` if the
+    /// failure cannot be one.
+    fn conclusion(&self, failed: &Failed) -> Option<(Batch, Unit)> {
+        let (generation, source) = self.board.source(failed.stream)?;
+        let unit = Unit {
+            stream: failed.stream,
+            generation,
+            samples: failed.samples.clone(),
+        };
+        let first = unit.samples.start;
+        let reason = task::failed(failed.stream, first, &failed.error);
+        let failed_sample = self.problem.campaign().sampling.failed_sample();
+        let output = match &*source {
+            Source::Candidates(candidates) => {
+                let mut candidates = candidates.iter();
+                let candidate = candidates.find(|one| one.evaluation == first)?;
+                Output::Evaluations(vec![Evaluation {
+                    design: candidate.design.clone(),
+                    answer: Err(reason),
+                }])
+            }
+            Source::Design(_) if unit.samples.is_empty() => Output::Refused(reason),
+            // The design's criteria came with the failure, or it has none.
+            Source::Design(_) | Source::Point(_) if !unit.samples.is_empty() => {
+                Output::Samples(vec![failed_sample])
+            }
+            _ => return None,
+        };
+        let mut batch = Batch::default();
+        if let (Source::Design(_), Output::Samples(_)) = (&*source, &output) {
+            batch.samples.push(SampleBlock {
+                stream: unit.stream,
+                first_sample: first.into(),
+                samples: vec![failed_sample],
+            });
+            if self.problem.responses().is_empty() {
+                batch.criteria.push(CriteriaRow {
+                    design: unit.stream.index,
+                    simulable: true,
+                    reason: None,
+                    responses: Some(Vec::new()),
+                });
+            }
+            return Some((batch, unit));
+        }
+        batch = ingest::rows(self.problem, &unit, output, 0.0).ok()?;
+        batch.times.clear();
+        Some((batch, unit))
+    }
+
+    /// Stores a failure as a result. Returns false if it cannot be one.
+    async fn conclude(&self, failed: &Failed) -> Result<bool, Status> {
+        let Some((batch, unit)) = self.conclusion(failed) else {
+            return Ok(false);
+        };
+        match self.recorder.record(batch).await {
+            Ok(_) => {}
+            // For example, another lease had brought the design's criteria.
+            Err(refused) if refused.is_refusal() => return Ok(false),
+            Err(failed) => return Err(not_stored(&failed)),
+        }
+        if unit.samples.is_empty() {
+            self.board.refuse(unit.stream, unit.generation);
+        } else {
+            self.board.conclude(&unit);
+        }
+        Ok(true)
+    }
+
+    /// Records a failure, once for each serial number of the worker.
+    async fn record(
+        &self,
+        worker: &WorkerId,
+        lease: LeaseId,
+        failed: Failed,
+        outcome: Failure,
+    ) -> Result<(), Status> {
+        let job = names::job_name(failed.stream, &failed.samples);
+        let error = beginning(&failed.error, ERROR_BYTES);
+        let kind = match outcome {
+            Failure::Quarantined => {
+                error!(%job, %worker, %error, "quarantined");
+                FailureKind::Quarantine
+            }
+            Failure::Retry(wait) => {
+                let again_in = wait.as_secs_f64();
+                warn!(%job, %worker, %error, again_in, "a failure");
+                FailureKind::Failure
+            }
+            Failure::Conclusive => {
+                warn!(%job, %worker, %error, "a failure for good, which is its result");
+                FailureKind::Failure
+            }
+            // A contradiction of the store is always recorded, even if the lease no longer counts.
+            Failure::Ignored if failed.contradicts => FailureKind::Failure,
+            Failure::Ignored => {
+                info!(%job, %worker, %error, "a failure that does not count");
+                return Ok(());
+            }
+        };
+        let row = FailureRow {
+            stream: failed.stream,
+            shared: false,
+            lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
+            worker: worker.to_string(),
+            serial: failed.serial,
+            kind,
+            error: error.to_owned(),
+            at_unix_ms: None,
+        };
+        let batch = Batch {
+            failures: vec![row],
+            ..Batch::default()
+        };
+        let recorded = self.recorder.record(batch).await;
+        recorded.map(drop).map_err(|error| not_stored(&error))
+    }
+}
+
+/// The results of a lease, sorted by outcome.
+#[derive(Debug, Default)]
+struct Brought {
+    /// Results not yet stored.
+    parts: Vec<Part>,
+    stored: Vec<Unit>,
+    refused: Vec<(StreamId, Generation)>,
+    failed: Vec<Failed>,
+    /// Whether the worker brought any result, even a stale one.
+    has_answers: bool,
+}
+
+/// The result of a unit, not yet stored.
+#[derive(Debug)]
+struct Part {
+    unit: Unit,
+    is_refused: bool,
+    serial: Option<u64>,
+    batch: Batch,
+}
+
+#[derive(Debug)]
+struct Failed {
+    stream: StreamId,
+    /// The sample that failed; empty for a failure of the stream as a whole.
+    samples: Range<u32>,
+    serial: Option<u64>,
+    error: String,
+    /// Whether the result differs from the stored one.
+    contradicts: bool,
+}
+
+impl Failed {
+    fn to_ledger(&self) -> ledger::Failed {
+        ledger::Failed {
+            stream: self.stream,
+            sample: (!self.samples.is_empty()).then_some(self.samples.start),
+            error: self.error.clone(),
+        }
+    }
+}
+
+impl Brought {
+    /// Records the outcome of storing a part.
+    fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
+        let Part { unit, serial, .. } = part;
+        let job = names::job_name(unit.stream, &unit.samples);
+        match outcome {
+            Ok(receipt) if receipt.is_stale => debug!(%job, %worker, "a stale result"),
+            Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
+            Ok(_) => self.stored.push(unit),
+            Err(refused) => {
+                // The stored numbers stay, and the contradiction is recorded. Settled samples stay
+                // settled; any others are leased to another worker.
+                error!(%job, %worker, error = %refused, "a worker contradicts the store");
+                self.failed.push(Failed {
+                    stream: unit.stream,
+                    samples: unit.samples.start..unit.samples.start,
+                    serial,
+                    error: refused.to_string(),
+                    contradicts: true,
+                });
+            }
+        }
+    }
+}
+
+fn not_stored(error: &store::Error) -> Status {
+    Status::unavailable(format!("not stored: {error}"))
+}
+
+/// Returns the beginning of a text, at most `bytes` long.
+pub(crate) fn beginning(text: &str, bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(bytes)]
+}

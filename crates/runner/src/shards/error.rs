@@ -1,0 +1,93 @@
+//! The errors of shards and parts.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::protocol::exit;
+
+/// An error of a shard or a part.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The file cannot be read or written.
+    #[error("cannot use {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: io::Error,
+    },
+    /// The file is not a shard.
+    #[error("{} is not a shard of `coordinator plan`: {reason}", path.display())]
+    NotAShard {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// The file is not a part.
+    #[error("{} is not a part of `worker --shard`: {reason}", path.display())]
+    NotAPart {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// A record of a part does not match its checksum.
+    #[error(
+        "{} is damaged at byte {at}: remove it, and {}",
+        path.display(),
+        match shard {
+            Some(shard) => format!("compute shard {shard} again with `worker --shard`"),
+            None => "let a worker compute again what it held".to_owned(),
+        }
+    )]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// The byte at which the record begins.
+        at: u64,
+        /// The shard's number; none for a worker's undelivered results.
+        shard: Option<u32>,
+    },
+    /// The file is of another build than the program.
+    #[error(
+        "{} is of build {theirs}, this program is build {}: use the same build for `plan`, `worker` and `merge`",
+        path.display(), crate::identity::BUILD
+    )]
+    Build {
+        /// The file.
+        path: PathBuf,
+        /// The file's build.
+        theirs: String,
+    },
+    /// The part exists and belongs to another shard.
+    #[error(
+        "{} holds results of another shard, of plan {theirs}: choose another file with --out",
+        path.display()
+    )]
+    OtherShard {
+        /// The file.
+        path: PathBuf,
+        /// The plan of the results in the file.
+        theirs: String,
+    },
+}
+
+impl Error {
+    /// The exit code of a program that ends with this error.
+    #[must_use]
+    pub const fn exit_code(&self) -> u8 {
+        match self {
+            Self::Io { .. } | Self::OtherShard { .. } => exit::FILE_ACCESS,
+            Self::Build { .. } => exit::REFUSED,
+            Self::NotAShard { .. } | Self::NotAPart { .. } | Self::Damaged { .. } => exit::BAD_FILE,
+        }
+    }
+
+    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        |source| Self::Io {
+            path: path.to_owned(),
+            source,
+        }
+    }
+}

@@ -1,0 +1,211 @@
+//! The results that a worker could not deliver, as a part.
+//!
+//! The worker that writes or delivers such a file holds a lock on it, since the workers of a machine
+//! share a folder.
+
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use crate::protocol::v1::{LeaseId, LeaseResult};
+
+use crate::shards::error::Error;
+use crate::shards::part::{self, Header, Part};
+
+/// The ending of the files' names.
+const ENDING: &str = "part";
+
+/// A worker's file of results that it has not delivered yet.
+#[derive(Debug)]
+pub struct Undelivered {
+    path: PathBuf,
+    file: File,
+    /// The leases whose results are in the file.
+    leases: BTreeSet<(u64, u64)>,
+}
+
+impl Undelivered {
+    /// Creates the file of a worker, and its folder.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    pub fn create(
+        folder: &Path,
+        worker: &str,
+        (campaign, campaign_digest): (&str, &str),
+        model_digest: &str,
+    ) -> Result<Self, Error> {
+        let name = format!("{campaign}-{worker}.{ENDING}");
+        let path = folder.join(&name);
+        let header = Header::undelivered(worker, campaign_digest, model_digest);
+        // The file gets its name once it is locked and has its first line.
+        let fresh = folder.join(format!(".{name}"));
+        let create = || {
+            fs::create_dir_all(folder)?;
+            let mut file = File::create(&fresh)?;
+            file.lock()?;
+            file.write_all(header.line()?.as_bytes())?;
+            file.sync_all()?;
+            fs::rename(&fresh, &path)?;
+            Ok(file)
+        };
+        let file = create().map_err(Error::io(&path))?;
+        Ok(Self {
+            path,
+            file,
+            leases: BTreeSet::new(),
+        })
+    }
+
+    /// The file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Number of leases with results in the file.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.leases.len()
+    }
+
+    /// Whether the file has no results.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.leases.is_empty()
+    }
+
+    /// Adds the results of leases that are not in the file yet, and waits until they are on disk.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    pub fn keep(&mut self, results: Vec<LeaseResult>) -> Result<(), Error> {
+        let of = |result: &LeaseResult| key(result.id.unwrap_or_default());
+        let mut results = results;
+        results.retain(|result| !self.leases.contains(&of(result)));
+        part::append(&mut self.file, &results).map_err(Error::io(&self.path))?;
+        self.leases.extend(results.iter().map(of));
+        Ok(())
+    }
+
+    /// Removes the file: its results are delivered.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be removed.
+    pub fn remove(self) -> Result<(), Error> {
+        fs::remove_file(&self.path).map_err(Error::io(&self.path))
+    }
+}
+
+fn key(id: LeaseId) -> (u64, u64) {
+    (id.epoch, id.number)
+}
+
+/// The file of a worker that has ended.
+#[derive(Debug)]
+pub struct Found {
+    /// Its content.
+    pub part: Part,
+    /// Keeps other workers away.
+    _lock: File,
+}
+
+impl Found {
+    /// The files in a folder that no worker uses, in the order of their names. The errors are those
+    /// of files that cannot be used. A folder that does not exist has no files.
+    #[must_use]
+    pub fn all(folder: &Path) -> Vec<Result<Self, Error>> {
+        let Ok(entries) = fs::read_dir(folder) else {
+            return Vec::new();
+        };
+        let mut paths: Vec<PathBuf> = entries
+            .filter_map(|entry| Some(entry.ok()?.path()))
+            .filter(|path| {
+                let is_whole = !path
+                    .file_name()
+                    .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+                is_whole && path.extension().is_some_and(|ending| ending == ENDING)
+            })
+            .collect();
+        paths.sort_unstable();
+        paths.iter().filter_map(|path| Self::open(path)).collect()
+    }
+
+    fn open(path: &Path) -> Option<Result<Self, Error>> {
+        // Another worker may have removed it.
+        let lock = File::open(path).ok()?;
+        lock.try_lock().ok()?;
+        // Delivered and removed before it was locked.
+        if !path.exists() {
+            return None;
+        }
+        Some(Part::read(path).map(|part| Self { part, _lock: lock }))
+    }
+
+    /// Removes the file: its results are delivered.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be removed.
+    pub fn remove(self) -> Result<(), Error> {
+        fs::remove_file(&self.part.path).map_err(Error::io(&self.part.path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::protocol::v1::UnitResult;
+
+    use super::*;
+
+    fn result(number: u64) -> LeaseResult {
+        LeaseResult {
+            id: Some(LeaseId { epoch: 1, number }),
+            results: vec![UnitResult::default()],
+            ..LeaseResult::default()
+        }
+    }
+
+    #[test]
+    fn a_file_is_found_once_its_worker_has_ended_and_holds_each_lease_once() {
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("new");
+        assert!(Found::all(&folder).is_empty());
+        let mut own = Undelivered::create(&folder, "0a", ("bowl", "c"), "m").unwrap();
+        own.keep(vec![result(1), result(2)]).unwrap();
+        own.keep(vec![result(2), result(3)]).unwrap();
+        assert!(Found::all(&folder).is_empty(), "its worker lives");
+        let path = own.path().to_owned();
+        drop(own);
+        let found: Vec<Found> = Found::all(&folder)
+            .into_iter()
+            .map(Result::unwrap)
+            .collect();
+        assert_eq!(found.len(), 1);
+        assert!(Found::all(&folder).is_empty(), "another worker delivers it");
+        let part = &found[0].part;
+        assert_eq!(part.path, path);
+        assert_eq!(part.results, [result(1), result(2), result(3)]);
+        assert_eq!(
+            (&*part.header.campaign_digest, part.header.shards),
+            ("c", 1)
+        );
+        assert!(part.missing().is_empty());
+        found.into_iter().for_each(|found| found.remove().unwrap());
+        assert!(!path.exists());
+        // What is no part is an error, and other files are none of the kind.
+        fs::write(folder.join("x.part"), "nonsense").unwrap();
+        fs::write(folder.join("note.txt"), "").unwrap();
+        let [Err(error)] = &Found::all(&folder)[..] else {
+            panic!("one error")
+        };
+        assert!(
+            error.to_string().contains("x.part is not a part"),
+            "{error}"
+        );
+    }
+}

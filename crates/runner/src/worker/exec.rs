@@ -1,0 +1,470 @@
+//! External simulators: programs that answer each line of JSON with a line, or read and write
+//! files.
+//!
+//! A slot keeps a process over many requests. A process that dies, sends a malformed answer or
+//! takes too long fails the current job, and the next job gets a new process. Output that is no
+//! answer is skipped.
+//! `campaigns/external/README.md` describes the protocol for authors of such programs.
+
+mod ending;
+mod files;
+mod heard;
+mod messages;
+mod process;
+mod program;
+#[cfg(test)]
+mod tests;
+
+use std::cell::{Cell, RefCell};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+use campaign::file::SimulatorKind;
+use campaign::formulation::{Design, Problem};
+use campaign::probe::{self, Unusable};
+use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use campaign::task::NOT_A_NUMBER;
+use rand::Rng as _;
+use serde_json::{Map, Value};
+use stats::streams::StreamRng;
+use tracing::warn;
+
+use crate::worker::error::Error;
+pub use files::FileMode;
+use messages::{Answer, Content, Described, Numbers};
+use program::Program;
+
+/// Pause before a program that fails on every question of the model digest is asked again.
+const PROBE_PAUSE: Duration = Duration::from_secs(2);
+/// Minimum time limit for the start of a program.
+const START: Duration = Duration::from_secs(30);
+
+/// The arguments of both programs for an external simulator.
+#[derive(Debug, Clone, PartialEq, clap::Args)]
+pub struct SimulatorArguments {
+    /// The simulator of a campaign whose [simulator] is "external": a command for `sh -c`
+    #[arg(long, value_name = "CMD")]
+    exec: Option<String>,
+    /// Seconds that the external simulator may take for one answer
+    #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = seconds)]
+    exec_timeout: Duration,
+    /// The template of the external simulator's input file, with {name} for each variable and
+    /// {seed}: the command is then run once for each request, in a new folder ($OLDPWD is the
+    /// folder of this program)
+    #[arg(long, value_name = "FILE", requires_all = ["exec", "result"])]
+    template: Option<PathBuf>,
+    /// The result file that the external simulator writes: lines of name = value, or a JSON object
+    #[arg(long, value_name = "NAME", requires = "template")]
+    result: Option<PathBuf>,
+}
+
+impl SimulatorArguments {
+    /// The external simulator, if there is one.
+    #[must_use]
+    pub fn exec(&self) -> Option<Exec> {
+        let files = self.template.clone().zip(self.result.clone());
+        self.exec.clone().map(|command| Exec {
+            command,
+            timeout: self.exec_timeout,
+            files: files.map(|(template, result)| FileMode { template, result }),
+        })
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds: f64 = text.parse().map_err(|_| "no number".to_owned())?;
+    // A timeout of more than a century has no effect and overflows clocks.
+    if seconds > 0.0 && seconds < 3e9 {
+        Ok(Duration::from_secs_f64(seconds))
+    } else {
+        Err("it must be above 0 and below 3e9".to_owned())
+    }
+}
+
+/// The command of an external simulator.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Exec {
+    /// The command for `sh -c`.
+    pub command: String,
+    /// Time limit of an answer.
+    pub timeout: Duration,
+    /// The files of a program that is called through files; none for one that answers lines.
+    pub files: Option<FileMode>,
+}
+
+/// The simulator of a campaign on this worker.
+#[derive(Debug)]
+pub(crate) enum Backend {
+    /// The built-in gear model.
+    BuiltIn,
+    /// An external simulator.
+    External(Programs),
+}
+
+/// The processes of an external simulator, one for each simultaneous job.
+#[derive(Debug)]
+pub(crate) struct Programs {
+    exec: Exec,
+    idle: Mutex<Vec<Program>>,
+    /// The version that the first process named; the others must name the same.
+    version: OnceLock<String>,
+    stop: Arc<AtomicBool>,
+    /// Number of sessions, each of which may hold a process.
+    sessions: AtomicUsize,
+}
+
+impl Backend {
+    /// Returns the simulator that the campaign needs.
+    ///
+    /// # Errors
+    ///
+    /// The campaign needs an external simulator and none is given, or the other way round.
+    pub(crate) fn choose(problem: &Problem, exec: Option<&Exec>) -> Result<Self, Error> {
+        let campaign = problem.campaign();
+        let name = &campaign.name;
+        match (campaign.simulator.kind, exec) {
+            (SimulatorKind::BuiltIn, None) => Ok(Self::BuiltIn),
+            (SimulatorKind::External, Some(exec)) => Ok(Self::External(Programs {
+                exec: exec.clone(),
+                idle: Mutex::new(Vec::new()),
+                version: OnceLock::new(),
+                stop: Arc::new(AtomicBool::new(false)),
+                sessions: AtomicUsize::new(0),
+            })),
+            (SimulatorKind::External, None) => Err(Error::WrongSimulator {
+                reason: format!(
+                    "campaign {name} is simulated by an external program: start this worker with \
+                     --exec 'CMD'"
+                ),
+            }),
+            (SimulatorKind::BuiltIn, Some(_)) => Err(Error::WrongSimulator {
+                reason: format!(
+                    "campaign {name} is simulated by the built-in model: start this worker without \
+                     --exec, or give the campaign a section [simulator] with kind = \"external\""
+                ),
+            }),
+        }
+    }
+
+    /// Returns the digest of the answers to the probe questions, which may take the program's time.
+    ///
+    /// # Errors
+    ///
+    /// The program fails on a question.
+    pub(crate) fn model_digest(&self, problem: &Problem) -> Result<String, Error> {
+        match self {
+            Self::BuiltIn => Ok(probe::model_digest(problem)),
+            Self::External(programs) => {
+                let simulator = problem.campaign().simulator;
+                let session = programs.session(problem);
+                let failed = |reason| Error::Program { reason };
+                session.start().map_err(failed)?;
+                let since = Instant::now();
+                let answers = loop {
+                    match probe::answers_of(&session, simulator.probe_designs()) {
+                        Ok(answers) => break answers,
+                        // As in an outage.
+                        Err(Unusable::Fails(reason))
+                            if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
+                        {
+                            warn!(%reason, "the simulator fails on every question; asking again");
+                            std::thread::sleep(PROBE_PAUSE);
+                        }
+                        Err(Unusable::Fails(reason) | Unusable::Contradicts(reason)) => {
+                            return Err(failed(reason));
+                        }
+                    }
+                };
+                if answers.ignores_seeds() {
+                    warn!(
+                        designs = answers.equal,
+                        "the simulator seems to ignore its seed: two samples of each design with different \
+                         seeds are equal. Everything random must follow from \"seed\""
+                    );
+                }
+                Ok(answers.digest)
+            }
+        }
+    }
+
+    /// Runs `work` with the simulator. Returns its result and the seconds that a program took to
+    /// answer, which no CPU clock of this process counts.
+    pub(crate) fn with<T>(
+        &self,
+        problem: &Problem,
+        work: impl FnOnce(&dyn Simulator) -> T,
+    ) -> (T, f64) {
+        match self {
+            Self::BuiltIn => (work(problem), 0.0),
+            Self::External(programs) => {
+                let session = programs.session(problem);
+                let result = work(&session);
+                (result, session.waited.get().as_secs_f64())
+            }
+        }
+    }
+
+    /// Whether the simulator is an external program.
+    pub(crate) const fn is_external(&self) -> bool {
+        matches!(self, Self::External(_))
+    }
+
+    /// Whether [`Self::stop`] was called.
+    pub(crate) fn is_stopped(&self) -> bool {
+        matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
+    }
+
+    /// Ends all programs. Waits for those without a request; [`Self::is_busy`] tells of the others.
+    pub(crate) fn stop(&self) {
+        if let Self::External(programs) = self {
+            programs.stop.store(true, Ordering::Relaxed);
+            let idle = std::mem::take(&mut *programs.idle());
+            std::thread::scope(|scope| {
+                // The end of each may take seconds.
+                for program in idle {
+                    scope.spawn(|| drop(program));
+                }
+            });
+        }
+    }
+
+    /// Whether a program is still working on a request, or about to be ended.
+    pub(crate) fn is_busy(&self) -> bool {
+        matches!(self, Self::External(programs) if programs.sessions.load(Ordering::Acquire) > 0)
+    }
+}
+
+impl Programs {
+    fn session<'a>(&'a self, problem: &'a Problem) -> Session<'a> {
+        self.sessions.fetch_add(1, Ordering::Relaxed);
+        Session {
+            programs: self,
+            problem,
+            process: RefCell::new(None),
+            waited: Cell::new(Duration::ZERO),
+        }
+    }
+
+    fn idle(&self) -> std::sync::MutexGuard<'_, Vec<Program>> {
+        // A panic cannot leave the list half changed.
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The use of a program by one job.
+#[derive(Debug)]
+struct Session<'a> {
+    programs: &'a Programs,
+    problem: &'a Problem,
+    /// Taken out during a request, so that a failed request ends the process.
+    process: RefCell<Option<Program>>,
+    waited: Cell<Duration>,
+}
+
+impl Session<'_> {
+    /// Starts a process, or takes an idle one, unless the session has one.
+    fn start(&self) -> Result<(), String> {
+        // A process that ended after its last answer fails no request either.
+        let ended = self.process.borrow_mut().take_if(|one| one.has_ended());
+        drop(ended);
+        if self.process.borrow().is_some() {
+            return Ok(());
+        }
+        while let Some(process) = self.programs.idle().pop() {
+            // A process that died while idle fails no job.
+            if !process.has_ended() {
+                *self.process.borrow_mut() = Some(process);
+                return Ok(());
+            }
+        }
+        let stop = Arc::clone(&self.programs.stop);
+        let process = Program::start(&self.programs.exec, stop)?;
+        *self.process.borrow_mut() = Some(process);
+        let request = messages::describe(self.problem)?;
+        let timeout = self.programs.exec.timeout.max(START);
+        let check = |described: &Described| described.check(self.problem);
+        let described = match self.exchange(request, timeout, check)? {
+            Answer::Given(described) => described,
+            Answer::Refused(reason) | Answer::Error(reason) => {
+                self.process.borrow_mut().take();
+                return Err(format!("the simulator did not start: {reason}"));
+            }
+        };
+        let first = self
+            .programs
+            .version
+            .get_or_init(|| described.version.clone());
+        if *first != described.version {
+            self.process.borrow_mut().take();
+            return Err(format!(
+                "the simulator called itself {first:?} before and {:?} now: it must not change \
+                 during a campaign",
+                described.version
+            ));
+        }
+        Ok(())
+    }
+
+    /// Sends a request for the `wanted` numbers of a design. The answer may also hold some of
+    /// `others`.
+    fn ask(
+        &self,
+        question: Map<String, Value>,
+        wanted: &[&str],
+        others: &[&str],
+    ) -> Result<Numbers, NoAnswer> {
+        self.start().map_err(NoAnswer::Failed)?;
+        let timeout = self.programs.exec.timeout;
+        let check = |numbers: &Numbers| messages::check(numbers, wanted, others);
+        match self.exchange(question, timeout, check) {
+            Ok(Answer::Given(answer)) => Ok(answer),
+            Ok(Answer::Refused(reason)) => Err(NoAnswer::Refused(reason)),
+            Ok(Answer::Error(error)) => {
+                Err(NoAnswer::Failed(format!("the simulator says: {error}")))
+            }
+            Err(error) => Err(NoAnswer::Failed(error)),
+        }
+    }
+
+    fn exchange<T: Content>(
+        &self,
+        request: Map<String, Value>,
+        timeout: Duration,
+        check: impl FnOnce(&T) -> Result<(), String>,
+    ) -> Result<Answer<T>, String> {
+        let Some(mut process) = self.process.borrow_mut().take() else {
+            return Err("the simulator was asked before it was started".to_owned());
+        };
+        let since = Instant::now();
+        let answer = process.ask(request, timeout);
+        self.waited.set(self.waited.get() + since.elapsed());
+        let answer = answer?;
+        let read = messages::read(answer.clone()).and_then(|read| {
+            if let Answer::Given(given) = &read {
+                check(given)?;
+            }
+            Ok(read)
+        });
+        match read {
+            Ok(read) => {
+                *self.process.borrow_mut() = Some(process);
+                Ok(read)
+            }
+            Err(reason) => Err(process.refute(&Value::Object(answer).to_string(), &reason)),
+        }
+    }
+}
+
+impl Drop for Session<'_> {
+    fn drop(&mut self) {
+        if let Some(process) = self.process.borrow_mut().take()
+            && !self.programs.stop.load(Ordering::Relaxed)
+        {
+            self.programs.idle().push(process);
+        }
+        // Decremented last: a process that is not kept has ended by now.
+        self.programs.sessions.fetch_sub(1, Ordering::Release);
+    }
+}
+
+impl Simulator for Session<'_> {
+    fn problem(&self) -> &Problem {
+        self.problem
+    }
+
+    fn version(&self) -> Option<String> {
+        self.programs.version.get().cloned()
+    }
+
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+        let told = self.problem.told(design).map_err(NoAnswer::Refused)?;
+        Ok(Box::new(Asked {
+            session: self,
+            told: messages::design(&told),
+            design: design.clone(),
+            responses: vec![f64::NAN; self.problem.responses().len()],
+            was_evaluated: false,
+        }))
+    }
+}
+
+/// A design that a program simulates.
+struct Asked<'a> {
+    session: &'a Session<'a>,
+    design: Design,
+    told: Value,
+    /// The responses known so far; the others are NaN.
+    responses: Vec<f64>,
+    was_evaluated: bool,
+}
+
+impl Asked<'_> {
+    /// Requests the responses at `places` that are not known yet.
+    fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
+        let problem = self.session.problem;
+        let known = problem.responses();
+        let asked = |place: usize| &*known[place].name;
+        let missing = places
+            .iter()
+            .filter(|place| self.responses[**place].is_nan());
+        let wanted: Vec<&str> = missing.map(|place| asked(*place)).collect();
+        // If nothing is wanted, the program is still asked once: it may refuse the design.
+        if wanted.is_empty() && self.was_evaluated {
+            return Ok(());
+        }
+        let others: Vec<&str> = (0..known.len()).map(asked).collect();
+        let question = messages::evaluate(&self.told, &wanted);
+        let numbers = self.session.ask(question, &wanted, &others)?;
+        let odd = numbers.iter().find(|(_, value)| !value.is_finite());
+        if let Some((name, value)) = odd {
+            return Err(NoAnswer::Refused(format!(
+                "{NOT_A_NUMBER}: the simulator's {name} is {value}"
+            )));
+        }
+        for (response, quantity) in self.responses.iter_mut().zip(known) {
+            if let Some(number) = numbers.get(&*quantity.name) {
+                *response = *number;
+            }
+        }
+        self.was_evaluated = true;
+        Ok(())
+    }
+}
+
+impl Prepared for Asked<'_> {
+    fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
+        let problem = self.session.problem;
+        let wanted: Vec<usize> = problem.wanted(state).collect();
+        self.evaluate(&wanted)?;
+        let analysis = problem.analysis(&self.design, &self.responses, state);
+        let analysis = analysis.ok_or_else(|| {
+            NoAnswer::Failed("the responses are not those of the campaign".to_owned())
+        })?;
+        if problem.has_baseline() {
+            // An optimiser would take an implausible number for an optimum.
+            problem.check_sample(analysis.value).map_err(|why| {
+                let name = &problem.sampled().name;
+                NoAnswer::Failed(format!("the simulator's {name} {why}"))
+            })?;
+        }
+        Ok(analysis)
+    }
+
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
+        // 128 bits of the stream, in words of 32 bits, which every program can represent.
+        let [low, high] = [rng.next_u64(), rng.next_u64()];
+        let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
+        let problem = self.session.problem;
+        let name = &*problem.sampled().name;
+        let question = messages::sample(&self.told, seed);
+        let answer = self.session.ask(question, &[name], &[name]);
+        let numbers = match answer {
+            Ok(numbers) => numbers,
+            Err(NoAnswer::Refused(_)) => return Ok(f64::NAN),
+            Err(NoAnswer::Failed(error)) => return Err(error),
+        };
+        Ok(numbers[name])
+    }
+}

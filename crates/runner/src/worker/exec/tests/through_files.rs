@@ -1,0 +1,155 @@
+//! Programs that are called through files.
+
+use super::*;
+
+/// The problem of the Ishigami function, with a program that computes another function.
+fn through_files(template: &str, command: &str) -> (Problem, Backend, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.txt");
+    std::fs::write(&path, template).unwrap();
+    let text = include_str!("../../../../../../campaigns/ishigami/campaign.toml");
+    let problem = Problem::new(Campaign::parse("i.toml", text).unwrap());
+    let exec = Exec {
+        command: command.to_owned(),
+        timeout: Duration::from_secs(10),
+        files: Some(FileMode {
+            template: path,
+            result: "out.txt".into(),
+        }),
+    };
+    let backend = Backend::choose(&problem, Some(&exec)).unwrap();
+    (problem, backend, folder)
+}
+
+const TEMPLATE: &str = "{x1} {x2} {x3} {seed} {other}\n";
+
+/// `y` is the sum of the variables, plus the seed's last digit in thousandths.
+const SUM: &str = "awk '{print \"# sum\\ny = \" $1+$2+$3+($4%10)/1000}' in.txt > out.txt # done";
+
+fn sum(problem: &Problem, backend: &Backend) -> Result<(f64, [f64; 2]), String> {
+    let design = Design::new(vec![1.0, 0.25, 0.5]);
+    let answer = |simulator: &dyn Simulator| {
+        let told = |error| match error {
+            NoAnswer::Refused(reason) => format!("refused {reason}"),
+            NoAnswer::Failed(why) => why,
+        };
+        let mut prepared = simulator.prepare(&design).map_err(told)?;
+        let baseline = prepared.analyse(State::Baseline).map_err(told)?.value;
+        let sample = |number| {
+            let mut rng = stats::streams::stream(1, stats::streams::Purpose::Wear, 0, number);
+            prepared.sample(&mut rng)
+        };
+        let [first, second] = [0, 1].map(sample);
+        Ok((baseline, [first?, second?]))
+    };
+    backend.with(problem, answer).0
+}
+
+#[test]
+fn a_program_is_asked_through_files() {
+    let (problem, backend, _folder) = through_files(TEMPLATE, SUM);
+    let (baseline, samples) = sum(&problem, &backend).unwrap();
+    assert_eq!(baseline, 1.75, "the seed of the baseline is 0");
+    assert!(
+        samples.iter().all(|y| (1.75..1.76).contains(y)),
+        "{samples:?}"
+    );
+    assert_eq!(sum(&problem, &backend).unwrap(), (baseline, samples));
+    // The command knows the worker's folder.
+    let here = format!(
+        "test \"$OLDPWD\" = '{}' && {SUM}",
+        std::env::current_dir().unwrap().display()
+    );
+    let (problem, backend, _folder) = through_files(TEMPLATE, &here);
+    assert_eq!(sum(&problem, &backend).unwrap().0, 1.75);
+}
+
+#[test]
+fn what_goes_wrong_with_files_is_told_with_the_folder_that_is_kept() {
+    for (template, command, says, keeps) in [
+        (
+            "{x1} {x2} {seed}",
+            SUM,
+            "in.txt has no {x3}, the place of a variable",
+            false,
+        ),
+        (
+            "{x1} {x2} {x3}",
+            SUM,
+            "has no {seed}, the place of a sample's seed",
+            false,
+        ),
+        (
+            TEMPLATE,
+            "echo no licence; exit 3",
+            "ended with status 3",
+            true,
+        ),
+        (
+            TEMPLATE,
+            "true",
+            "the command has left no readable out.txt",
+            true,
+        ),
+        (
+            TEMPLATE,
+            "echo z = 1 > out.txt",
+            "out.txt has no \"y\"; it has: z",
+            true,
+        ),
+        (
+            TEMPLATE,
+            "echo y = much > out.txt",
+            "out.txt, line 1: \"y = much\" is not of the form",
+            true,
+        ),
+        (
+            TEMPLATE,
+            "echo hello > out.txt",
+            "out.txt, line 1: \"hello\" is not of the form",
+            true,
+        ),
+        (
+            TEMPLATE,
+            "echo refused = no > out.txt",
+            "a short name",
+            false,
+        ),
+        (TEMPLATE, "sleep 60", "was not done within 0.3 s", true),
+    ] {
+        let (problem, mut backend, _folder) = through_files(template, command);
+        if let Backend::External(programs) = &mut backend {
+            let is_slow = command == "sleep 60";
+            programs.exec.timeout = Duration::from_millis(if is_slow { 300 } else { 60_000 });
+        }
+        let error = sum(&problem, &backend).unwrap_err();
+        assert!(error.contains(says), "{says}: {error}");
+        assert_eq!(error.contains("are kept in"), keeps, "{error}");
+        if keeps {
+            let (_, folder) = error.split_once("are kept in ").unwrap();
+            let folder = std::path::Path::new(folder);
+            let filled = std::fs::read_to_string(folder.join("in.txt")).unwrap();
+            assert_eq!(filled, "1.0 0.25 0.5 0 {other}\n");
+            std::fs::remove_dir_all(folder).unwrap();
+        }
+        assert!(
+            !command.contains("licence") || error.contains("no licence"),
+            "{error}"
+        );
+    }
+    let refuse = "echo refused = too-thin: it buckles > out.txt";
+    let (problem, backend, _folder) = through_files(TEMPLATE, refuse);
+    let error = sum(&problem, &backend).unwrap_err();
+    assert_eq!(error, "refused too-thin: it buckles");
+}
+
+/// The status of a command that had ended before it was waited for was skipped as a stale line.
+#[test]
+fn a_command_may_end_before_it_is_waited_for() {
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut process = process::Process::start("echo 0", stop).unwrap();
+    eventually("its end", || process.has_ended());
+    let read = |line: &[u8]| heard::Heard::Answer(line.to_vec(), true);
+    let status = process.ask("", Duration::from_secs(5), &read);
+    assert_eq!(status, Ok(b"0".to_vec()));
+}

@@ -1,0 +1,344 @@
+//! The worker: its start and its end.
+
+mod calls;
+mod contact;
+mod registering;
+mod undelivered;
+
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, RwLock};
+use std::time::{Duration, Instant};
+
+use crate::gateway::Link;
+use crate::protocol::v1::ReleaseRequest;
+use ledger::LeaseId;
+use tokio::sync::mpsc::UnboundedSender;
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+use tracing::{debug, info, warn};
+
+use crate::worker::error::Error;
+use crate::worker::exec::Exec;
+use crate::worker::held::HeldLeases;
+
+use contact::Contact;
+use registering::Registered;
+use undelivered::Files;
+
+/// Interval between heartbeats until the coordinator names one.
+const FIRST_HEARTBEAT: Duration = Duration::from_secs(1);
+/// Time limit of a call.
+const CALL_TIMEOUT: Duration = Duration::from_secs(20);
+/// Share of the grace period during which jobs continue as usual.
+const PATIENT_PART: f64 = 0.8;
+/// Time that a leaving worker waits for the programs that it has ended.
+const LAST_PROGRAMS: Duration = Duration::from_secs(4);
+/// Minimum time for the last report of a leaving worker.
+const LAST_REPORT: Duration = Duration::from_secs(2);
+
+/// A worker's settings.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Number of jobs computed at once.
+    pub slots: usize,
+    /// The external simulator, for a campaign that is not simulated by the built-in model.
+    pub exec: Option<Exec>,
+    /// The name of the worker's machine, for display.
+    pub host: String,
+    /// Time limit of the first contact with the coordinator.
+    pub connect_timeout: Duration,
+    /// Time without an answer of the coordinator and without a running job after which the worker
+    /// leaves.
+    pub give_up_after: Duration,
+    /// The folder for results that cannot be delivered; none if the coordinator is in this process.
+    pub undelivered: Option<PathBuf>,
+    /// Time for running jobs to end after a shutdown.
+    pub grace: Duration,
+    /// Time after which the worker drains, for example because its time on a cluster ends.
+    pub max_runtime: Option<Duration>,
+    /// Time without any job after which the worker leaves.
+    pub idle_exit: Option<Duration>,
+}
+
+/// The result of a worker's run.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Summary {
+    /// Leases whose results were acknowledged.
+    pub leases: u64,
+    /// Whether the coordinator said that the campaign is finished. Otherwise the worker left
+    /// before.
+    pub finished: bool,
+}
+
+/// A worker.
+#[derive(Debug)]
+pub struct Worker {
+    connection: Link,
+    options: Options,
+}
+
+/// The state shared by all tasks of a worker.
+struct Shared {
+    options: Options,
+    connection: Link,
+    worker_id: String,
+    /// The problem with the digest of its model; replaced when a restarted coordinator names
+    /// another campaign.
+    problem: RwLock<Option<Arc<Registered>>>,
+    held: HeldLeases,
+    contact: Contact,
+    files: Files,
+    /// Interval between heartbeats, as last named by the coordinator.
+    heartbeat: watch::Sender<Duration>,
+    /// Set to stop jobs between two samples.
+    hurry: AtomicBool,
+    /// Number of acknowledged results.
+    acknowledged: AtomicU64,
+    /// Cancelled to end the worker.
+    stop: CancellationToken,
+    /// Requests for an immediate heartbeat.
+    announcements: UnboundedSender<calls::Announcement>,
+}
+
+impl Worker {
+    /// Creates a worker for the coordinator at the other end of `connection`, which must be a link
+    /// in the role of a worker.
+    #[must_use]
+    pub const fn new(connection: Link, options: Options) -> Self {
+        Self {
+            connection,
+            options,
+        }
+    }
+
+    /// Works until the coordinator says that the campaign is finished, or until `shutdown`.
+    ///
+    /// # Errors
+    ///
+    /// The coordinator cannot be reached or refuses the worker.
+    // A boxed future is compiled once, in this crate. An `async fn` would be compiled again in each
+    // program that awaits it.
+    pub fn run(
+        self,
+        shutdown: CancellationToken,
+    ) -> Pin<Box<dyn Future<Output = Result<Summary, Error>> + Send>> {
+        Box::pin(self.work(shutdown))
+    }
+
+    async fn work(self, shutdown: CancellationToken) -> Result<Summary, Error> {
+        let slots = self.options.slots.max(1);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(slots)
+            .thread_name(|index| format!("compute-{index}"))
+            .build()
+            .map_err(|error| Error::Threads {
+                slots,
+                reason: error.to_string(),
+            })?;
+        // Also cancelled when the campaign is finished or an error ends the worker.
+        let stop = CancellationToken::new();
+        let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
+        let files = Files::new(self.options.undelivered.clone());
+        let shared = Arc::new(Shared {
+            worker_id: format!("{:032x}", rand::random::<u128>()),
+            options: self.options,
+            connection: self.connection,
+            problem: RwLock::new(None),
+            held: HeldLeases::default(),
+            contact: Contact::default(),
+            files,
+            heartbeat: watch::Sender::new(FIRST_HEARTBEAT),
+            hurry: AtomicBool::new(false),
+            acknowledged: AtomicU64::new(0),
+            stop: stop.clone(),
+            announcements,
+        });
+        let registered = tokio::select! {
+            registered = shared.register(true) => registered?,
+            () = shutdown.cancelled() => return Ok(Summary { leases: 0, finished: false }),
+        };
+        info!(
+            coordinator = %shared.connection.address(),
+            campaign = %registered.problem.campaign().name,
+            slots,
+            "registered"
+        );
+        shared.files.take_up(&registered, &shared.held);
+
+        let mut tasks: JoinSet<Result<End, Error>> = JoinSet::new();
+        tasks.spawn(calls::lease(Arc::clone(&shared), pool));
+        tasks.spawn(calls::heartbeat(Arc::clone(&shared), announced));
+        let reporter_stop = CancellationToken::new();
+        let mut reporter = tokio::spawn(calls::report(Arc::clone(&shared), reporter_stop.clone()));
+
+        let end = tokio::select! {
+            ended = tasks.join_next() => match ended {
+                Some(Ok(end)) => end,
+                Some(Err(panic)) => std::panic::resume_unwind(panic.into_panic()),
+                None => Ok(End::Stopped),
+            },
+            () = shutdown.cancelled() => Ok(End::Stopped),
+            () = after(shared.options.max_runtime) => {
+                info!("the time is up: draining");
+                Ok(End::Stopped)
+            }
+            () = shared.idle() => {
+                info!("no jobs for too long: leaving");
+                Ok(End::Stopped)
+            }
+            away = shared.away() => Err(away),
+        };
+        stop.cancel();
+        let asked = tokio::time::Instant::now();
+        if let Ok(End::Dismissed) = end {
+            warn!("the coordinator ends before the campaign does");
+        }
+        if !matches!(end, Ok(End::Finished)) {
+            shared.drain().await;
+        }
+        reporter_stop.cancel();
+        // A coordinator that does not answer must not delay a worker that was asked to leave.
+        let last = tokio::time::Instant::now() + LAST_REPORT;
+        let leave_by = match end {
+            Ok(_) => last.max(asked + shared.options.grace),
+            Err(_) => last,
+        };
+        if tokio::time::timeout_at(leave_by, &mut reporter)
+            .await
+            .is_err()
+        {
+            reporter.abort();
+        }
+        if !matches!(end, Ok(End::Finished)) {
+            shared.keep_undelivered();
+            shared.files.leave();
+        }
+        let leases = shared.acknowledged.load(Ordering::Relaxed);
+        tasks.shutdown().await;
+        if let Some(registered) = shared.registered() {
+            let backend = Arc::clone(&registered.backend);
+            // An error means that the runtime ends, and with it this program.
+            let _ = tokio::task::spawn_blocking(move || backend.stop()).await;
+            // Programs with a request end soon. If the worker left before them, no process would
+            // wait for them.
+            let since = Instant::now();
+            while registered.backend.is_busy() && since.elapsed() < LAST_PROGRAMS {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+        }
+        let finished = matches!(end?, End::Finished);
+        Ok(Summary { leases, finished })
+    }
+}
+
+/// The reason why a worker's task ended.
+#[derive(Debug, Clone, Copy)]
+enum End {
+    /// The campaign is finished.
+    Finished,
+    /// The worker was asked to stop.
+    Stopped,
+    /// The coordinator ends before the campaign is finished.
+    Dismissed,
+}
+
+impl Shared {
+    /// Records the interval between heartbeats that the coordinator named. Zero changes nothing.
+    fn set_heartbeat(&self, milliseconds: u32) {
+        let period = Duration::from_millis(milliseconds.max(10).into());
+        self.heartbeat.send_if_modified(|held| {
+            let is_news = milliseconds > 0 && *held != period;
+            if is_news {
+                *held = period;
+            }
+            is_news
+        });
+    }
+
+    /// Writes the results that are not acknowledged to a file.
+    fn keep_undelivered(&self) {
+        let results = self.held.own_results();
+        let lost = results.len();
+        let is_kept = self
+            .registered()
+            .is_some_and(|registered| self.files.keep(&registered, &self.worker_id, results));
+        if !is_kept && lost > 0 {
+            warn!(lost, "leaving with results that nobody acknowledged");
+        }
+    }
+
+    /// Whether an external simulator was ended because this worker ends.
+    fn programs_are_stopped(&self) -> bool {
+        self.registered()
+            .is_some_and(|registered| registered.backend.is_stopped())
+    }
+
+    /// Waits until the worker has had no lease for the time limit of the options.
+    async fn idle(&self) {
+        let Some(limit) = self.options.idle_exit else {
+            return std::future::pending().await;
+        };
+        let mut since = Instant::now();
+        while since.elapsed() < limit {
+            tokio::time::sleep(limit.min(Duration::from_millis(200))).await;
+            if self.held.computing() + self.held.unacknowledged() > 0 {
+                since = Instant::now();
+            }
+        }
+    }
+
+    /// Tells the coordinator that this worker leaves, releases the leases that have not started,
+    /// and waits for the others. Towards the end of the grace period, jobs stop between two samples
+    /// and report what they have. If a sample takes even longer, the kept part of its lease is
+    /// reported; without one the lease is released.
+    async fn drain(&self) {
+        let now = tokio::time::Instant::now();
+        let patient_until = now + self.options.grace.mul_f64(PATIENT_PART);
+        let waiting = self.held.release_waiting();
+        tokio::join!(self.release(waiting, true), self.computed_by(patient_until));
+        self.hurry.store(true, Ordering::Relaxed);
+        self.computed_by(now + self.options.grace).await;
+        self.release(self.held.release_all(), true).await;
+    }
+
+    /// Releases leases, and tells the coordinator whether this worker leaves.
+    async fn release(&self, leases: Vec<LeaseId>, leaving: bool) {
+        if leases.is_empty() && !leaving {
+            return;
+        }
+        let request = ReleaseRequest {
+            worker_id: self.worker_id.clone(),
+            leases: leases.into_iter().map(Into::into).collect(),
+            leaving,
+        };
+        let mut client = self.connection.client();
+        // If the release is lost, the leases expire.
+        let call = tokio::time::timeout(Duration::from_secs(2), client.release(request));
+        if !matches!(call.await, Ok(Ok(_))) {
+            debug!("the release of unfinished leases was not acknowledged");
+        }
+    }
+
+    /// Waits until no lease is being computed, at most until `deadline`.
+    async fn computed_by(&self, deadline: tokio::time::Instant) {
+        loop {
+            let changed = self.held.changed.notified();
+            if self.held.computing() == 0
+                || tokio::time::timeout_at(deadline, changed).await.is_err()
+            {
+                return;
+            }
+        }
+    }
+}
+
+/// Waits for a time limit, or for ever without one.
+async fn after(limit: Option<Duration>) {
+    match limit {
+        Some(limit) => tokio::time::sleep(limit).await,
+        None => std::future::pending().await,
+    }
+}

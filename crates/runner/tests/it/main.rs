@@ -1,0 +1,6 @@
+//! The service and the engine on a real store, called as from the network.
+
+mod enrichment;
+mod precision;
+mod running;
+mod service;
