@@ -41,7 +41,7 @@ impl std::str::FromStr for Teeth {
     /// Reads `17..30` (without 30), `17..=30` (with it) or `17`.
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let number = |text: &str| -> Result<u32, String> {
-            let wrong = || format!("{text:?} is no number of teeth from 4 to 2000");
+            let wrong = || format!("{text:?} is not a number of teeth from 4 to 2000");
             let number = text.trim().parse().map_err(|_| wrong())?;
             if Self::SENSIBLE.contains(&number) {
                 Ok(number)
@@ -106,11 +106,11 @@ pub fn members(
         .collect()
 }
 
-/// Whether the store of a campaign is there, is that campaign's, and has nothing left to do.
+/// Whether a campaign is finished in its store. False without a store.
 ///
 /// # Errors
 ///
-/// There is something in the store's place that cannot be read.
+/// The store cannot be read.
 pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
     let store = match Store::open_read_only(&member.db).await {
         Ok(store) => store,
@@ -175,8 +175,8 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
-         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval from fresh \
-         samples.\n\n{}",
+         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
+         verification samples.\n\n{}",
         summary(rows).markdown()
     );
     for row in rows {
