@@ -9,6 +9,7 @@ use campaign::task::{self, Output, Run, Source};
 use campaign::{Approach, optimise};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
+use results::table::SCHEMA_VERSION;
 use runner::protocol::exit;
 use serde::Serialize;
 use stages::references;
@@ -162,7 +163,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     let stages: Vec<StagePlan> = rows.into_iter().map(stage).collect();
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
-        schema_version: 1,
+        schema_version: SCHEMA_VERSION,
         file,
         campaign: campaign.name.clone(),
         seed: campaign.seed,

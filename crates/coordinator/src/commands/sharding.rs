@@ -10,6 +10,7 @@ use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
 use ledger::WorkerId;
+use results::table::SCHEMA_VERSION;
 use results::{reporting, status};
 use runner::coordinator::board::{self, Board, Room};
 use runner::coordinator::engine::Engine;
@@ -115,7 +116,7 @@ async fn plan_store(
     {
         let report = reporting::write(store, report, &runner::coordinator::made::made()).await?;
         return Ok(Planned {
-            schema_version: 1,
+            schema_version: SCHEMA_VERSION,
             stage: Stage::Done.name().to_owned(),
             shards: Vec::new(),
             units: 0,
@@ -134,7 +135,7 @@ async fn plan_store(
     let units = shards.iter().map(|shard| shard.units().count()).sum();
     let written: Result<Vec<PathBuf>, _> = shards.iter().map(|shard| shard.write(out)).collect();
     Ok(Planned {
-        schema_version: 1,
+        schema_version: SCHEMA_VERSION,
         stage: status::read(store).await?.stage_name(),
         shards: written?,
         units,
@@ -216,7 +217,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
     let status = status?;
     let unfinished = parts.iter().filter(|part| !part.missing().is_empty());
     let merged = Merged {
-        schema_version: 1,
+        schema_version: SCHEMA_VERSION,
         parts: parts.len(),
         missing_shards,
         unfinished_parts: unfinished.map(|part| part.path.clone()).collect(),

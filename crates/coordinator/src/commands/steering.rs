@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use results::describing::describe;
 use results::status::{self, Status};
+use results::table::SCHEMA_VERSION;
 use runner::gateway::client::ConnectArguments;
 use runner::gateway::{Link, Role};
 use runner::protocol::exit;
@@ -110,7 +111,7 @@ pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8
     let answer = link.client().explain(ExplainRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?.into_inner();
     let sentences = answer.sentences;
-    let result = serde_json::json!({ "schema_version": 1, "sentences": sentences });
+    let result = serde_json::json!({ "schema_version": SCHEMA_VERSION, "sentences": sentences });
     print_either(arguments.json, &result, || sentences.join("\n") + "\n")?;
     Ok(exit::OK)
 }

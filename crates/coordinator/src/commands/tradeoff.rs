@@ -9,6 +9,7 @@ use campaign::Campaign;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use lab::tradeoff::{Kind, Size, Study, Table};
+use results::table::SCHEMA_VERSION;
 use runner::protocol::exit;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -161,7 +162,7 @@ fn finished(kind: Kind, out: &Path) -> anyhow::Result<Option<Study>> {
 /// Claims a folder that is new, empty, or of this campaign, size and program.
 fn claim(out: &Path, campaign: &Campaign, size: Size) -> anyhow::Result<()> {
     let own = Stamp {
-        schema_version: 1,
+        schema_version: SCHEMA_VERSION,
         campaign_digest: campaign.digest(),
         size: size.name(),
         program_version: runner::identity::BUILD.to_owned(),
@@ -234,7 +235,7 @@ fn to_json(studies: &[Study], size: Size, out: &Path) -> Value {
         })
     };
     json!({
-        "schema_version": 1,
+        "schema_version": SCHEMA_VERSION,
         "folder": out.display().to_string(),
         "size": size.name(),
         "studies": studies.iter().map(of_study).collect::<Value>(),
