@@ -526,7 +526,7 @@ async fn a_bit_that_flipped_in_text_is_found() {
     for (text, table, row) in [
         ("{\"theta\":[1.5,0.25]}", "model", "name \"doe\""),
         ("{\"best\":[1.5,2.5]}", "optimiser_run", "run-3-3"),
-        ("{\"x_p\":0.5}", "optimum", "approach \"kriging\""),
+        ("{\"x_p\":0.5}", "optimum", "point-3"),
         ("# a campaign", "campaign", "one 1"),
     ] {
         let at = whole

@@ -315,7 +315,7 @@ pub(crate) fn optima() -> Vec<(Optimum, Option<Verification>)> {
                 _ => String::new(),
             },
         };
-        let verification = verification(row.p90_um * 1.04, 500);
+        let verification = verification(row.p90_um * 1.04, 0.004);
         (optimum, Some(verification))
     })
     .collect()
@@ -331,13 +331,14 @@ pub(crate) fn no_optima(note: &str) -> Vec<(Optimum, Option<Verification>)> {
     all.map(|optimum| (optimum, None)).collect()
 }
 
-/// Evenly spread samples with this 90 % percentile.
-pub(crate) fn verification(p90: f64, n: usize) -> Verification {
-    let middle = 0.9 * (n - 1) as f64;
-    let samples = (0..n).map(|i| p90 + 0.004 * (i as f64 - middle));
+/// 500 evenly spread samples with this 90 % percentile, so far apart.
+pub(crate) fn verification(p90: f64, apart: f64) -> Verification {
+    let n = 500;
+    let middle = 0.9 * f64::from(n - 1);
+    let samples = (0..n).map(|i| p90 + apart * (f64::from(i) - middle));
     Verification {
         samples: samples.collect(),
-        wanted: n,
+        wanted: n as usize,
     }
 }
 
