@@ -7,7 +7,7 @@ use std::time::Duration;
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, probe};
-use ledger::{Generation, Options, StreamId, Unit, Wanted};
+use ledger::{Generation, Options, StreamDemand, StreamId, Unit};
 use results::status::Status;
 use runner::coordinator::board::Board;
 use runner::coordinator::recorder::Recorder;
@@ -65,7 +65,7 @@ impl Memory {
     }
 
     /// The missing work that a starting coordinator finds.
-    fn missing(&self, problem: &Problem) -> Vec<Wanted<Arc<Source>>> {
+    fn missing(&self, problem: &Problem) -> Vec<StreamDemand<Arc<Source>>> {
         let inputs = Inputs::new(problem.campaign(), None);
         let wanted = (0..DESIGNS).map(|design| {
             let held = self.with(|stored| {

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::task::compute;
-use ledger::Vanished;
+use ledger::Crash;
 use runner::coordinator::board::{Board, Course};
 use runner::gateway::{Dial, Link};
 use runner::protocol::v1::campaign_server::CampaignServer;
@@ -84,7 +84,7 @@ struct World {
     epoch: Arc<AtomicU64>,
     board: Arc<Mutex<Option<Arc<Board>>>>,
     /// Workers that fell silent, as reported by the ledger.
-    vanished: Arc<Mutex<Vec<Vanished>>>,
+    vanished: Arc<Mutex<Vec<Crash>>>,
     /// Whether the campaign may end.
     may_end: bool,
 }

@@ -50,7 +50,7 @@ impl Answers {
 
 /// Why the answers are of no use. The text is a sentence.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Unusable {
+pub enum ProbeError {
     /// The simulator failed on every design. Another attempt may succeed.
     Fails(String),
     /// The simulator breaks the rules.
@@ -65,7 +65,7 @@ pub enum Unusable {
 /// # Errors
 ///
 /// The simulator failed on every design, or gave two values for one seed.
-pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Unusable> {
+pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, ProbeError> {
     let mut hash = Sha256::new();
     let (mut sampled, mut equal) = (0, 0);
     if let Some(version) = simulator.version() {
@@ -126,10 +126,10 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Un
         }
     }
     if let Some(fault) = fault {
-        return Err(Unusable::Contradicts(fault));
+        return Err(ProbeError::Contradicts(fault));
     }
     if failed == designs && failed > 0 {
-        return Err(Unusable::Fails(error));
+        return Err(ProbeError::Fails(error));
     }
     let digest = hash.finalize();
     Ok(Answers {

@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-use ledger::{Generation, History, Kind, StreamId, Unit, Wanted};
+use ledger::{Generation, History, Kind, StreamDemand, StreamId, Unit};
 use sha2::{Digest as _, Sha256};
 use stats::streams::{Purpose, stream};
 
@@ -146,13 +146,18 @@ impl Inputs {
 
     /// A stream that needs this many samples and has none yet, as an input of the ledger.
     #[must_use]
-    pub fn wanted(&self, stream: StreamId, source: Source, samples: u32) -> Wanted<Arc<Source>> {
+    pub fn wanted(
+        &self,
+        stream: StreamId,
+        source: Source,
+        samples: u32,
+    ) -> StreamDemand<Arc<Source>> {
         let is_tolerant = match source {
             Source::Candidates(_) => true,
             Source::Design(_) | Source::Point(_) => self.tolerates_failures,
             Source::Run(_) => false,
         };
-        Wanted {
+        StreamDemand {
             stream,
             generation: self.generation(stream, &source),
             source: Arc::new(source),

@@ -20,7 +20,7 @@ const SILENT: f64 = 1e-6;
 
 /// A pair on a grid so fine that refining it further hardly changes the results.
 #[derive(Debug, Clone)]
-pub struct Converged {
+pub struct ConvergedPair {
     /// The pair on the finest grid.
     pub pair: Pair,
     /// The finest grid.
@@ -33,7 +33,7 @@ pub struct Converged {
 impl Pair {
     /// The reference solution: doubles cells and phases until ΔSTE, unworn and worn by Archard's
     /// law with `wear`, changes by less than `tolerance` (relative; 1e-6 is reached by all but
-    /// degenerate pairs), or until the grid has 32 768 cells. [`Converged::change`] is the change
+    /// degenerate pairs), or until the grid has 32 768 cells. [`ConvergedPair::change`] is the change
     /// that was reached.
     ///
     /// The error of a pair with kinks that the grid does not know falls with the square of the cell
@@ -41,7 +41,11 @@ impl Pair {
     ///
     /// # Errors
     /// As [`Pair::new`], and [`Error::Input`] for a wear that [`Wear::validate`] refuses.
-    pub fn converged(input: &PairInput, wear: &Wear, tolerance: f64) -> Result<Converged, Error> {
+    pub fn converged(
+        input: &PairInput,
+        wear: &Wear,
+        tolerance: f64,
+    ) -> Result<ConvergedPair, Error> {
         Self::converged_with_corrections(input, &Corrections::default(), wear, tolerance)
     }
 
@@ -55,7 +59,7 @@ impl Pair {
         corrections: &Corrections,
         wear: &Wear,
         tolerance: f64,
-    ) -> Result<Converged, Error> {
+    ) -> Result<ConvergedPair, Error> {
         wear.validate()?;
         let mut discretisation = START;
         let build = |disc: &Discretisation| Self::with_corrections(input, corrections, disc);
@@ -86,7 +90,7 @@ impl Pair {
                 break;
             }
         }
-        Ok(Converged {
+        Ok(ConvergedPair {
             pair,
             discretisation,
             change,

@@ -138,7 +138,7 @@ mod properties;
 #[cfg(test)]
 mod tests;
 
-pub use converged::Converged;
+pub use converged::ConvergedPair;
 pub use corrections::{Corrections, ReliefShape, TipRelief};
 pub use error::{Error, Infeasible, InputError};
 pub use geometry::{Geometry, Interference, Sliding, normal_module, sum_profile_shift};

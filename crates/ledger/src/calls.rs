@@ -8,8 +8,8 @@ use crate::options::lease_for;
 use crate::ranges::subtract;
 use crate::state::{Lease, Stream};
 use crate::types::{
-    Accepted, Delivery, Failure, Generation, Grant, Kind, LeaseId, StreamId, Unit, Vanished,
-    Wanted, WorkerId,
+    Crash, Delivery, Failure, Generation, Grant, Kind, LeaseId, StreamDemand, StreamId, Unit,
+    Verdict, WorkerId,
 };
 use crate::workers::Worker;
 
@@ -19,7 +19,7 @@ impl<P: Clone> Ledger<P> {
     /// Registers a stream that needs samples and returns whether that adds missing samples. Samples
     /// known already keep their state. A new generation replaces the earlier one, whose results are
     /// no longer accepted.
-    pub fn want(&mut self, wanted: Wanted<P>) -> bool {
+    pub fn want(&mut self, wanted: StreamDemand<P>) -> bool {
         let id = wanted.stream;
         let known = self.settled.get(&id).copied().or_else(|| {
             let stream = self.streams.get(&id)?;
@@ -88,7 +88,7 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Whether the results of a unit are to be stored. Stale results are counted.
-    pub fn accept(&mut self, unit: &Unit) -> Accepted {
+    pub fn accept(&mut self, unit: &Unit) -> Verdict {
         let open = self.streams.get(&unit.stream);
         let known = open.map(|stream| (stream.generation, stream.end));
         let known = known.or_else(|| self.settled.get(&unit.stream).copied());
@@ -96,10 +96,10 @@ impl<P: Clone> Ledger<P> {
             && generation == unit.generation
             && unit.samples.end <= end
         {
-            return Accepted::Yes;
+            return Verdict::Yes;
         }
         self.stale += 1;
-        Accepted::Stale
+        Verdict::Stale
     }
 
     // Workers.
@@ -303,7 +303,7 @@ impl<P: Clone> Ledger<P> {
 
     /// Ends the expired leases in order of expiry and returns those that had started: each may be a
     /// crash.
-    pub fn expire(&mut self, now: Duration) -> Vec<Vanished> {
+    pub fn expire(&mut self, now: Duration) -> Vec<Crash> {
         self.wake(now);
         let due = self
             .expiries

@@ -8,7 +8,7 @@ use crate::cutting::{TARGET_SECONDS, UNKNOWN_SECONDS};
 use crate::ledger::{Ledger, SURVEY_PERIOD};
 use crate::ranges::{common, overlap};
 use crate::state::{Lease, Stream};
-use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, Vanished, WorkerId};
+use crate::types::{Crash, Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
 
 /// Weight of a new measurement in the running mean of the cost of a sample.
 const LEARNING_RATE: f64 = 0.3;
@@ -308,7 +308,7 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    pub(crate) fn expire_lease(&mut self, id: LeaseId) -> Option<Vanished> {
+    pub(crate) fn expire_lease(&mut self, id: LeaseId) -> Option<Crash> {
         let lease = self.end(id)?;
         let worker = lease.worker.clone();
         let streams: BTreeSet<StreamId> = lease.units.iter().map(|unit| unit.stream).collect();
@@ -345,7 +345,7 @@ impl<P: Clone> Ledger<P> {
                 self.quarantine(id, error, true);
             }
         }
-        Some(Vanished {
+        Some(Crash {
             lease: id,
             worker,
             stream: first,

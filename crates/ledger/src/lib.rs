@@ -62,6 +62,6 @@ pub use ledger::Ledger;
 pub use options::{HEARTBEATS_PER_LEASE, Options};
 pub use ranges::{gaps, subtract};
 pub use types::{
-    Accepted, Counts, Delivery, Failed, Failure, Generation, Grant, Group, History, Kind, LeaseId,
-    StreamId, Unit, Vanished, Wanted, WorkerId, WorkerStatus,
+    Counts, Crash, Delivery, Failed, Failure, Generation, Grant, Group, History, Kind, LeaseId,
+    StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
 };

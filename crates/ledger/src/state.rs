@@ -27,7 +27,7 @@ pub(crate) struct Stream<P> {
     /// The worker processes that crashed on this stream alone.
     pub(crate) crashed_on_it: BTreeSet<WorkerId>,
     pub(crate) history: History,
-    /// See [`Wanted::is_tolerant`](crate::Wanted::is_tolerant).
+    /// See [`StreamDemand::is_tolerant`](crate::StreamDemand::is_tolerant).
     pub(crate) is_tolerant: bool,
     /// The missing samples that have failed, and under `None` the failures of the whole stream.
     pub(crate) failing: BTreeMap<Option<u32>, Failing>,

@@ -189,7 +189,7 @@ pub struct History {
 
 /// A stream that needs samples.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Wanted<P> {
+pub struct StreamDemand<P> {
     /// The stream.
     pub stream: StreamId,
     /// The generation of its values.
@@ -226,7 +226,7 @@ pub struct Grant<P> {
 
 /// The ledger's verdict on a result.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Accepted {
+pub enum Verdict {
     /// Samples of a known stream and its present generation, to be stored.
     Yes,
     /// A result of another generation, or of no known stream.
@@ -278,7 +278,7 @@ pub enum Failure {
 
 /// A lease that expired after its worker had started: possibly a crash.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Vanished {
+pub struct Crash {
     /// The lease.
     pub lease: LeaseId,
     /// The worker.

@@ -16,7 +16,7 @@ use crate::table::SCHEMA_VERSION;
 
 /// A campaign beside the paper.
 #[derive(Debug, Clone)]
-pub struct Compared {
+pub struct PaperComparison {
     data: ReportData,
     /// The fitted readings of the paper.
     scores: Vec<Score>,
@@ -71,7 +71,7 @@ pub struct RowSummary {
     pub remark: Option<String>,
 }
 
-impl Compared {
+impl PaperComparison {
     /// The comparison as a Markdown page.
     #[must_use]
     pub fn page(&self) -> String {
@@ -116,7 +116,7 @@ impl Compared {
 /// # Errors
 ///
 /// The store cannot be read, or its campaign does not compare itself with the paper.
-pub async fn compare(store: &Store) -> anyhow::Result<Compared> {
+pub async fn compare(store: &Store) -> anyhow::Result<PaperComparison> {
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     anyhow::ensure!(
@@ -144,7 +144,7 @@ pub async fn compare(store: &Store) -> anyhow::Result<Compared> {
         tip_rule: input.tip_rule,
     };
     let own = own.score(&doe, seed);
-    Ok(Compared { data, scores, own })
+    Ok(PaperComparison { data, scores, own })
 }
 
 /// What is known about a large gap.

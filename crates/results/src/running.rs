@@ -148,7 +148,7 @@ pub struct Worker {
 
 /// What a stage lacks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Left {
+pub enum Backlog {
     /// So many samples or evaluations, with the standard error of that number.
     Counted(Kind, f64, f64),
     /// So many runs of optimisers, by workers that compute whole runs.
@@ -163,7 +163,7 @@ struct Span {
     high: f64,
 }
 
-impl Left {
+impl Backlog {
     /// How long it takes at the rate of late; none while too little is known, or with no slot to do it.
     fn span(self, running: &Running, slots: f64) -> Option<Span> {
         match self {
@@ -184,7 +184,7 @@ impl Left {
 impl Live {
     /// What the status shows of `running`. The time to go follows from what the stage lacks.
     #[must_use]
-    pub fn of(running: Running, left: Option<Left>) -> Self {
+    pub fn of(running: Running, left: Option<Backlog>) -> Self {
         let silent_for = |seen: Duration| running.now.saturating_sub(seen);
         let present = running.workers.iter().map(|(worker, _)| worker);
         let present = present.filter(|worker| silent_for(worker.last_seen) < GONE);

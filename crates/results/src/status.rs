@@ -15,7 +15,7 @@ use store::{SampleTally, Store};
 use crate::costs::{self, Times};
 use crate::doubts;
 use crate::optima::{Optima, VerifiedOptimum};
-use crate::running::{Left, Live, Running};
+use crate::running::{Backlog, Live, Running};
 use crate::snapshot;
 
 /// What `coordinator status --json` prints.
@@ -414,15 +414,15 @@ impl Status {
         let missing = match self.stage {
             Stage::Sample => {
                 let (samples, error) = self.missing();
-                Some(Left::Counted(Kind::Design, samples, error))
+                Some(Backlog::Counted(Kind::Design, samples, error))
             }
             Stage::Enrich => self
                 .enrichment
-                .map(|enrichment| Left::Counted(Kind::Point, left(enrichment.samples), 0.0)),
-            Stage::Verify => Some(Left::Counted(Kind::Point, left(self.verified()), 0.0)),
+                .map(|enrichment| Backlog::Counted(Kind::Point, left(enrichment.samples), 0.0)),
+            Stage::Verify => Some(Backlog::Counted(Kind::Point, left(self.verified()), 0.0)),
             Stage::Optimise => Some(match evaluations {
-                Some(evaluations) => Left::Counted(Kind::Run, left(evaluations), 0.0),
-                None => Left::Runs(left(self.optimiser_runs)),
+                Some(evaluations) => Backlog::Counted(Kind::Run, left(evaluations), 0.0),
+                None => Backlog::Runs(left(self.optimiser_runs)),
             }),
             _ => None,
         };

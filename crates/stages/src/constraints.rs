@@ -17,7 +17,7 @@ use campaign::simulator::State;
 use campaign::task::{Candidate, Inputs, Source};
 use enrich::Known;
 use kriging::{Data, FitOptions, Model};
-use ledger::{StreamId, Wanted};
+use ledger::{StreamDemand, StreamId};
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 
 use crate::infill::{MORE, bits, violation};
@@ -36,7 +36,7 @@ pub(crate) fn is_asked(problem: &Problem, point: &InfillRow) -> bool {
 
 /// The request to a worker for a point's constraints before its samples: one evaluation, numbered
 /// as the sample after the last one, so that its time is stored apart from theirs.
-pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> Wanted<Arc<Source>> {
+pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> StreamDemand<Arc<Source>> {
     let candidate = Candidate {
         evaluation: point.wanted,
         design: point.design.clone(),
@@ -44,7 +44,7 @@ pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> Wanted<Arc<Source>>
     };
     let source = Source::Candidates(vec![candidate]);
     let number = point.wanted..point.wanted + 1;
-    Wanted {
+    StreamDemand {
         missing: std::iter::once(number.clone()).collect(),
         ..inputs.wanted(StreamId::point(point.number), source, number.end)
     }

@@ -20,7 +20,7 @@ use store::{
 };
 
 use crate::constraints;
-use crate::fitting::{self, Observed};
+use crate::fitting::{self, Observation};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
 use crate::names;
@@ -250,7 +250,7 @@ impl Rows {
             .collect();
         for row in &self.infill {
             places.entry(bits(&row.x)).or_insert_with(|| {
-                all.push(Observed {
+                all.push(Observation {
                     number: designs.len() as u64 + row.infill,
                     x: row.x.clone(),
                     value: f64::NAN,

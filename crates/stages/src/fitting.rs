@@ -29,7 +29,7 @@ pub struct ModelSummary {
     pub rmse: f64,
     /// The share of observations within their leave-one-out 90 % interval.
     pub coverage90: f64,
-    /// The leave-one-out residuals (observation minus prediction) by [`Observed::number`].
+    /// The leave-one-out residuals (observation minus prediction) by [`Observation::number`].
     pub residuals: Vec<(u64, f64)>,
     /// Those residuals over their standard deviations, in the same order.
     pub standardised: Vec<f64>,
@@ -47,7 +47,7 @@ pub struct ModelSummary {
 /// A leave-one-out prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeftOut {
-    /// [`Observed::number`].
+    /// [`Observation::number`].
     pub number: u64,
     /// The observation.
     pub observed: f64,
@@ -87,7 +87,7 @@ pub async fn latest_model(store: &Store) -> Result<Option<ModelRow>, store::Erro
 
 /// A response that a model is fitted to.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Observed {
+pub struct Observation {
     /// The number of the design; an infill point has the number of designs in the DoE plus its own.
     pub number: u64,
     /// The variables.
@@ -110,11 +110,11 @@ pub fn of_doe(
     designs: &[DesignRow],
     responses: &[ResponseRow],
     criteria: &[CriteriaRow],
-) -> Vec<Observed> {
+) -> Vec<Observation> {
     let samples = u64::from(problem.campaign().sampling.samples_per_design);
     let observed = responses.iter().filter_map(|response| {
         let row = designs.get(response.design as usize)?;
-        Some(Observed {
+        Some(Observation {
             number: row.design,
             x: row.x.clone(),
             value: response.percentile,
@@ -131,18 +131,21 @@ pub fn of_doe(
 /// # Errors
 ///
 /// The data cannot be fitted: too few designs with a response, for example.
-pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogate, ModelSummary)> {
+pub fn fit(
+    problem: &Problem,
+    observed: &[Observation],
+) -> anyhow::Result<(Surrogate, ModelSummary)> {
     let campaign = problem.campaign();
     let d = problem.dimension();
     let left_out = &campaign.kriging.leave_out;
     let is_left_out = |number: u64| left_out.iter().any(|&out| u64::from(out) == number);
-    let points: Vec<&Observed> = observed
+    let points: Vec<&Observation> = observed
         .iter()
         .filter(|point| !is_left_out(point.number))
         // Otherwise too many of its samples have failed.
         .filter(|point| point.value.is_finite())
         .collect();
-    let variables = |of: &[&Observed]| -> Vec<f64> {
+    let variables = |of: &[&Observation]| -> Vec<f64> {
         let x = of.iter().flat_map(|point| point.x.iter().copied());
         x.collect()
     };
@@ -163,7 +166,7 @@ pub fn fit(problem: &Problem, observed: &[Observed]) -> anyhow::Result<(Surrogat
     let number = |observation: usize| points[observation].number;
     let model =
         Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, number))?;
-    let feasible: Vec<&Observed> = observed.iter().filter(|point| point.is_feasible).collect();
+    let feasible: Vec<&Observation> = observed.iter().filter(|point| point.is_feasible).collect();
     let means = model.means(&variables(&feasible))?;
     let best = means.into_iter().zip(feasible);
     let best = best.min_by(|(a, _), (b, _)| problem.cost(*a).total_cmp(&problem.cost(*b)));
@@ -268,8 +271,8 @@ mod tests {
     use crate::designs;
     use campaign::Campaign;
 
-    fn observed(row: &DesignRow, value: f64, variance: f64) -> Observed {
-        Observed {
+    fn observed(row: &DesignRow, value: f64, variance: f64) -> Observation {
+        Observation {
             number: row.design,
             x: row.x.clone(),
             value,
@@ -291,7 +294,7 @@ mod tests {
                 let scatter = (17.0 * row.design as f64).sin() + (29.0 * row.design as f64).cos();
                 5.0 + 0.6 * scatter + slope * row.x[0]
             };
-            let observed: Vec<Observed> = rows
+            let observed: Vec<Observation> = rows
                 .iter()
                 .map(|row| observed(row, value(row), 0.36))
                 .collect();
@@ -312,7 +315,7 @@ mod tests {
         let rows = designs::make(&problem, &[]).unwrap();
         // Designs without a response make numbers of rows and of designs differ.
         let with_response = rows.iter().filter(|row| row.design >= 10);
-        let observed: Vec<Observed> = with_response
+        let observed: Vec<Observation> = with_response
             .map(|row| {
                 let outlier = if row.design == 41 { 30.0 } else { 0.0 };
                 observed(row, 5.0 + 20.0 * row.x[0] + outlier, 1e-4)

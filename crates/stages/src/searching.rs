@@ -13,13 +13,13 @@ use campaign::formulation::Problem;
 use campaign::optimise::{Answer, Candidate, RunResult, Search};
 use campaign::simulator::Analysis;
 use campaign::task::{self, Inputs, Run, Source};
-use ledger::{Generation, StreamId, Wanted};
+use ledger::{Generation, StreamDemand, StreamId};
 use store::{EvaluationRow, Store};
 
 /// The searches of a campaign.
 #[derive(Default)]
 pub struct Searches {
-    held: BTreeMap<StreamId, Held>,
+    held: BTreeMap<StreamId, RunningSearch>,
 }
 
 /// The progress of a search.
@@ -38,7 +38,7 @@ pub struct Progress {
 /// The next step of a run.
 pub enum Turn {
     /// Candidates are to be evaluated.
-    Asks(Wanted<Arc<Source>>),
+    Asks(StreamDemand<Arc<Source>>),
     /// The run is finished.
     Finished(Box<RunResult>),
     /// The store holds evaluations of another search, for example of another build, which are to be
@@ -46,7 +46,7 @@ pub enum Turn {
     Foreign,
 }
 
-struct Held {
+struct RunningSearch {
     /// The digest of the run's inputs.
     of: Generation,
     search: Search,
@@ -55,7 +55,7 @@ struct Held {
     first: u32,
 }
 
-impl Held {
+impl RunningSearch {
     fn new(problem: &Problem, run: &Run, of: Generation) -> Result<Self, String> {
         let mut search = Search::new(problem, run)?;
         Ok(Self {
@@ -100,7 +100,7 @@ impl Searches {
         let of = inputs.generation(stream, &Source::Run(run.clone()));
         let mut held = match self.held.remove(&stream) {
             Some(held) if held.of == of => held,
-            _ => Held::new(problem, run, of).map_err(anyhow::Error::msg)?,
+            _ => RunningSearch::new(problem, run, of).map_err(anyhow::Error::msg)?,
         };
         let rows = store.evaluations(stream, held.first.into()).await?;
         let mut rows: BTreeMap<u64, EvaluationRow> =
@@ -141,9 +141,9 @@ impl Searches {
 fn wanted(
     inputs: &Inputs,
     stream: StreamId,
-    held: &Held,
+    held: &RunningSearch,
     missing: Vec<std::ops::Range<u32>>,
-) -> Wanted<Arc<Source>> {
+) -> StreamDemand<Arc<Source>> {
     let candidates = held.asked().filter_map(|(evaluation, candidate)| {
         Some(task::Candidate {
             evaluation,
@@ -153,7 +153,7 @@ fn wanted(
     });
     let source = Source::Candidates(candidates.collect());
     let end = held.first + held.candidates.len() as u32;
-    Wanted {
+    StreamDemand {
         missing,
         ..inputs.wanted(stream, source, end)
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Source};
-use ledger::{StreamId, Wanted};
+use ledger::{StreamDemand, StreamId};
 
 use crate::constraints;
 use crate::plan::Next;
@@ -12,9 +12,9 @@ use crate::state::OpenDesign;
 
 /// Requests to workers.
 #[derive(Debug, Clone, Default)]
-pub struct Asked {
+pub struct Requests {
     /// The streams, each with its missing units.
-    pub streams: Vec<Wanted<Arc<Source>>>,
+    pub streams: Vec<StreamDemand<Arc<Source>>>,
     /// The generations of runs and points: the store accepts no others.
     pub generations: Vec<(StreamId, u64)>,
 }
@@ -22,8 +22,8 @@ pub struct Asked {
 /// The requests of `next`; `open` are the designs that lack samples. The runs of an external
 /// simulator are not among them: those are [asked for by generations](crate::searching).
 #[must_use]
-pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Asked {
-    let mut asked = Asked::default();
+pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Requests {
+    let mut asked = Requests::default();
     let whole_runs = (!problem.campaign().is_external()).then_some(&next.runs);
     for run in whole_runs.into_iter().flatten() {
         let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), 1);
@@ -46,7 +46,7 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
         } else {
             let source = Source::Point(point.design.clone());
             let missing = ledger::gaps(&point.stored, point.wanted);
-            Wanted {
+            StreamDemand {
                 missing,
                 ..inputs.wanted(stream, source, point.wanted)
             }
@@ -56,9 +56,9 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
     asked
 }
 
-impl Asked {
+impl Requests {
     /// Adds a stream whose results depend on its generation.
-    pub fn add(&mut self, wanted: Wanted<Arc<Source>>) {
+    pub fn add(&mut self, wanted: StreamDemand<Arc<Source>>) {
         self.generations.push((wanted.stream, wanted.generation.0));
         self.streams.push(wanted);
     }

@@ -37,7 +37,7 @@ pub struct Control {
 
 /// A normal percentile with a control variate, and the variances of its parts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Controlled {
+pub struct ControlledPercentile {
     /// Number of samples.
     pub n: usize,
     /// The mean, in the unit of the samples.
@@ -73,7 +73,7 @@ pub fn control_variate_p90(
     controls: &[f64],
     control: Control,
     z: f64,
-) -> Result<Controlled, Error> {
+) -> Result<ControlledPercentile, Error> {
     let n = samples.len();
     if n < CONTROL_MIN_SAMPLES {
         return Err(Error::TooFewSamples {
@@ -162,7 +162,7 @@ pub fn control_variate_p90(
     // Without a positive σ̂² the root cannot be linearised; its variance is unknown, not zero.
     if variance_of_y == 0.0 && sd_y > 0.0 {
         let mean_variance = sd_y * sd_y / count;
-        return Ok(Controlled {
+        return Ok(ControlledPercentile {
             n,
             mean: mean_y,
             sd: sd_y,
@@ -178,7 +178,7 @@ pub fn control_variate_p90(
     if !(p90.is_finite() && variance.is_finite()) {
         return Err(Error::Overflow { n });
     }
-    Ok(Controlled {
+    Ok(ControlledPercentile {
         n,
         mean,
         sd,

@@ -60,7 +60,7 @@ pub mod streams;
 
 pub use bootstrap::exact_bootstrap_variance;
 pub use coefficients::{GROUPED_MIN_GROUPS, Sampling, grouped_p90, normal_coefficients};
-pub use control::{CONTROL_MIN_SAMPLES, Control, Controlled, control_variate_p90};
+pub use control::{CONTROL_MIN_SAMPLES, Control, ControlledPercentile, control_variate_p90};
 pub use error::Error;
 pub use exact::{
     EXACT_Z90, NormalOptions, VarianceFormula, c4, exact_p90_variance, normal_p90, normal_quantile,

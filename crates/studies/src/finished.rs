@@ -12,7 +12,7 @@ use stages::plan;
 use stages::state::State;
 use store::Store;
 
-use crate::refusal::Unfinished;
+use crate::refusal::UnfinishedCampaign;
 
 /// A design that an approach found, with its verification samples.
 #[derive(Debug, Clone, PartialEq)]
@@ -47,7 +47,7 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     }
     let status = status::read(store).await?;
     if !status.finished {
-        return Err(Unfinished {
+        return Err(UnfinishedCampaign {
             store: store.path().display().to_string(),
             stage: status.stage.name().to_owned(),
         }

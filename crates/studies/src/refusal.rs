@@ -51,7 +51,7 @@ pub fn require_gears(campaign: &Campaign) -> Result<(), NoGears> {
 /// The campaign of a store is not finished.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{store} is not finished (stage {stage}): finish it with `coordinator run` first")]
-pub struct Unfinished {
+pub struct UnfinishedCampaign {
     /// The store's file.
     pub store: String,
     /// The first unfinished stage.

@@ -421,7 +421,7 @@ async fn large(designs: usize, samples: usize) -> anyhow::Result<()> {
     let recorder = StoreRecorder::new(&store)?;
     recorder.status().await?;
     let began = Instant::now();
-    let status = recorder.status().await?.context("no status")?;
+    let status = recorder.status().await?;
     println!(
         "status ({} samples) in {:.1?}",
         status.samples.done,

@@ -1,6 +1,6 @@
 //! `simulate-cluster`: how many workers one coordinator can serve.
 
-use lab::rehearsal::{Rehearsed, Scenario, Wave, rehearse};
+use lab::rehearsal::{Rehearsal, Scenario, Wave, rehearse};
 use results::report::{TradeoffChart, TradeoffSeries};
 use runner::protocol::exit;
 use serde::Serialize;
@@ -18,7 +18,7 @@ struct Simulated {
     #[serde(flatten)]
     scenario: Scenario,
     #[serde(flatten)]
-    outcome: Rehearsed,
+    outcome: Rehearsal,
     coordinator_cores: f64,
 }
 

@@ -6,7 +6,7 @@
 //! encoded and decoded. The events depend only on the scenario and its seed; the CPU time is
 //! measured.
 //!
-//! Sockets, TLS and the store are left out. [`Rehearsed::coordinator_cores`] adds their cost by two
+//! Sockets, TLS and the store are left out. [`Rehearsal::coordinator_cores`] adds their cost by two
 //! constants that were measured with real programs ([`CALL_SECONDS`], [`SAMPLE_SECONDS`]).
 
 mod rehearsed;
@@ -14,6 +14,6 @@ mod scenario;
 mod simulation;
 mod worker;
 
-pub use rehearsed::{CALL_SECONDS, Calls, Rehearsed, SAMPLE_SECONDS};
+pub use rehearsed::{CALL_SECONDS, Calls, Rehearsal, SAMPLE_SECONDS};
 pub use scenario::{Scenario, Wave};
 pub use simulation::rehearse;

@@ -36,7 +36,7 @@ impl Calls {
 
 /// The result of a scenario.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Rehearsed {
+pub struct Rehearsal {
     /// Simulated time, in seconds.
     pub seconds: f64,
     /// Number of delivered samples.
@@ -57,7 +57,7 @@ pub struct Rehearsed {
     pub ledger_cpu_seconds: f64,
 }
 
-impl Rehearsed {
+impl Rehearsal {
     /// Number of processors that the coordinator keeps busy: the ledger's measured time, plus calls
     /// and samples by [`CALL_SECONDS`] and [`SAMPLE_SECONDS`].
     #[must_use]

@@ -8,8 +8,8 @@ use std::time::Duration;
 use campaign::Design;
 use campaign::task::{Output, Source};
 use ledger::{
-    Delivery, Generation, HEARTBEATS_PER_LEASE, History, LeaseId, Ledger, Options, StreamId, Unit,
-    Wanted,
+    Delivery, Generation, HEARTBEATS_PER_LEASE, History, LeaseId, Ledger, Options, StreamDemand,
+    StreamId, Unit,
 };
 use prost::Message as _;
 use rand::RngExt as _;
@@ -18,7 +18,7 @@ use runner::protocol::v1::{LeaseResponse, LeaseResult, ReportRequest};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::rehearsal::rehearsed::{Calls, Rehearsed};
+use crate::rehearsal::rehearsed::{Calls, Rehearsal};
 use crate::rehearsal::scenario::Scenario;
 use crate::rehearsal::worker::{Held, Worker};
 
@@ -48,7 +48,7 @@ enum Event {
 
 /// Runs a scenario to its end.
 #[must_use]
-pub fn rehearse(scenario: &Scenario) -> Rehearsed {
+pub fn rehearse(scenario: &Scenario) -> Rehearsal {
     let mut simulation = Simulation::new(scenario);
     while simulation.step() {}
     simulation.finish()
@@ -67,7 +67,7 @@ struct Simulation<'a> {
     source: Arc<Source>,
     /// Number of designs added.
     planned: u32,
-    outcome: Rehearsed,
+    outcome: Rehearsal,
     busy_seconds: f64,
 }
 
@@ -92,7 +92,7 @@ impl<'a> Simulation<'a> {
                 .expect("finite and positive"),
             source: Arc::new(Source::Design(Design::new(vec![0.5; 6]))),
             planned: 0,
-            outcome: Rehearsed {
+            outcome: Rehearsal {
                 seconds: scenario.seconds,
                 samples: 0,
                 lost_samples: 0,
@@ -285,7 +285,7 @@ impl<'a> Simulation<'a> {
             let units = decoded(&request);
             let units: Vec<Unit> = units
                 .into_iter()
-                .filter(|unit| ledger.accept(unit) == ledger::Accepted::Yes)
+                .filter(|unit| ledger.accept(unit) == ledger::Verdict::Yes)
                 .collect();
             let stored: u64 = units.iter().map(|unit| unit.samples.len() as u64).sum();
             let delivery = Delivery {
@@ -353,7 +353,7 @@ impl<'a> Simulation<'a> {
             self.planned += PLANNED;
             self.coordinate(|ledger, _| {
                 for design in first..first + PLANNED {
-                    ledger.want(Wanted {
+                    ledger.want(StreamDemand {
                         stream: StreamId::design(design),
                         generation: Generation(1),
                         source: Arc::clone(&source),
@@ -367,7 +367,7 @@ impl<'a> Simulation<'a> {
         }
     }
 
-    fn finish(mut self) -> Rehearsed {
+    fn finish(mut self) -> Rehearsal {
         let slots = f64::from(self.scenario.workers) * f64::from(self.scenario.slots);
         self.outcome.busy = self.busy_seconds / (slots * self.scenario.seconds);
         self.outcome.quarantined = self.ledger.counts().quarantined as u64;
@@ -430,7 +430,7 @@ mod tests {
 
     #[test]
     fn a_rehearsal_depends_on_its_seed_alone() {
-        let of = |seed| Rehearsed {
+        let of = |seed| Rehearsal {
             ledger_cpu_seconds: 0.0,
             ..rehearse(&Scenario { seed, ..scenario() })
         };

@@ -29,7 +29,7 @@ pub use clock::process_seconds;
 pub use front::{Reason, Rule, front, recommend};
 pub use optimisation::Ended;
 pub use page::page;
-pub use runner::{Load, Ran, Runner};
+pub use runner::{Load, Runner, RunnerTimes};
 pub use study::{Kind, Size, Study};
 pub use table::{Row, Table};
 pub use view::View;

@@ -50,7 +50,7 @@ pub struct Load {
 
 /// The time of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ran {
+pub struct RunnerTimes {
     /// Time from the first sample until the last one is stored, in seconds.
     pub seconds: f64,
     /// CPU time of this process meanwhile, in seconds.
@@ -66,7 +66,7 @@ pub trait Runner {
     /// # Errors
     ///
     /// A worker or the store failed.
-    fn samples(&mut self, load: &Load) -> anyhow::Result<Ran>;
+    fn samples(&mut self, load: &Load) -> anyhow::Result<RunnerTimes>;
 
     /// Runs a whole campaign and returns the result of each approach.
     ///
@@ -120,7 +120,7 @@ fn name(sleep: Option<f64>) -> String {
     }
 }
 
-fn row(load: &Load, ran: &Ran) -> Row {
+fn row(load: &Load, ran: &RunnerTimes) -> Row {
     let samples = f64::from(load.samples);
     let each = load.sleep.unwrap_or(ran.alone_seconds);
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
@@ -158,7 +158,7 @@ mod tests {
             workers: 4,
             samples: 80,
         };
-        let ran = Ran {
+        let ran = RunnerTimes {
             seconds: 2.5,
             cpu_seconds: 0.004,
             alone_seconds: 0.0,
@@ -178,9 +178,9 @@ mod tests {
     struct Fake(Vec<Load>);
 
     impl Runner for Fake {
-        fn samples(&mut self, load: &Load) -> anyhow::Result<Ran> {
+        fn samples(&mut self, load: &Load) -> anyhow::Result<RunnerTimes> {
             self.0.push(*load);
-            Ok(Ran {
+            Ok(RunnerTimes {
                 seconds: 1.0,
                 cpu_seconds: 1.0,
                 alone_seconds: 1e-6,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use ledger::{Delivery, Failure, Grant, Ledger, Options, StreamId, Wanted};
+use ledger::{Delivery, Failure, Grant, Ledger, Options, StreamDemand, StreamId};
 
 use crate::{all_of, at, failure_of, lease_all, ledger, units, wanted, worker};
 
@@ -25,8 +25,8 @@ fn hopeless() -> Options {
 }
 
 /// A stream whose failures are results.
-fn tolerant(stream: StreamId, samples: u32) -> Wanted<()> {
-    Wanted {
+fn tolerant(stream: StreamId, samples: u32) -> StreamDemand<()> {
+    StreamDemand {
         is_tolerant: true,
         ..wanted(stream, 7, 0..samples)
     }

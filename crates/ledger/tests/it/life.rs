@@ -1,6 +1,6 @@
 //! The life of streams and leases, case by case.
 
-use ledger::{Accepted, Delivery, Failure, Generation, Ledger, Options, StreamId, Unit, Vanished};
+use ledger::{Crash, Delivery, Failure, Generation, Ledger, Options, StreamId, Unit, Verdict};
 
 use crate::{LEASE, all_of, at, beat, failure_of, lease_all, ledger, units, wanted, worker};
 
@@ -18,17 +18,17 @@ fn a_result_is_accepted_by_what_it_is_and_not_by_who_brings_it() {
     let mut ledger = ledger(alone(), 1, 10, &["a", "b"]);
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
     assert_eq!(units(&grant)[0].samples, 0..10);
-    assert_eq!(ledger.accept(&units(&grant)[0]), Accepted::Yes);
+    assert_eq!(ledger.accept(&units(&grant)[0]), Verdict::Yes);
     // The delivery comes from another worker, which never leased it.
     ledger.deliver(&worker("b"), grant.lease, &all_of(&grant), at(1.0));
     assert!(ledger.is_idle() && !ledger.has_work());
     assert_eq!(beat(&mut ledger, "a", &[&grant], at(2.0)), [grant.lease]);
     // The result may come again. It is then compared with the stored one.
-    assert_eq!(ledger.accept(&units(&grant)[0]), Accepted::Yes);
+    assert_eq!(ledger.accept(&units(&grant)[0]), Verdict::Yes);
     // Samples beyond those wanted are not accepted.
     let mut beyond = units(&grant)[0].clone();
     beyond.samples = 9..11;
-    assert_eq!(ledger.accept(&beyond), Accepted::Stale);
+    assert_eq!(ledger.accept(&beyond), Verdict::Stale);
 }
 
 #[test]
@@ -40,9 +40,9 @@ fn nothing_of_an_earlier_generation_is_accepted() {
     let old = ledger.lease(&worker("a"), at(0.0)).unwrap();
     // The optimum is chosen again while the worker is disconnected.
     ledger.forget(|id| id == point);
-    assert_eq!(ledger.accept(&units(&old)[0]), Accepted::Stale);
+    assert_eq!(ledger.accept(&units(&old)[0]), Verdict::Stale);
     ledger.want(wanted(point, 2, 0..8));
-    assert_eq!(ledger.accept(&units(&old)[0]), Accepted::Stale);
+    assert_eq!(ledger.accept(&units(&old)[0]), Verdict::Stale);
     ledger.deliver(&worker("a"), old.lease, &all_of(&old), at(9.0));
     let new = ledger.lease(&worker("a"), at(9.0)).unwrap();
     assert_eq!(
@@ -53,7 +53,7 @@ fn nothing_of_an_earlier_generation_is_accepted() {
     assert_eq!(ledger.counts().stale, 2);
     // A new generation also replaces the old one without `forget`.
     ledger.want(wanted(point, 3, 0..8));
-    assert_eq!(ledger.accept(&units(&new)[0]), Accepted::Stale);
+    assert_eq!(ledger.accept(&units(&new)[0]), Verdict::Stale);
     assert_eq!(beat(&mut ledger, "a", &[&new], at(10.0)), [new.lease]);
 }
 
@@ -93,7 +93,7 @@ fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept
         let vanished = ledger.expire(now);
         assert!(matches!(
             vanished[..],
-            [Vanished {
+            [Crash {
                 quarantined: false,
                 ..
             }]
@@ -271,12 +271,12 @@ fn what_is_held_from_before_a_restart_is_accepted_though_the_last_of_it_is_store
     rest.missing = std::iter::once(0..10).collect();
     after.want(rest);
     after.register(&worker("a"), "here", 1, at(1.0));
-    assert_eq!(after.accept(&units(&grant)[0]), Accepted::Yes);
+    assert_eq!(after.accept(&units(&grant)[0]), Verdict::Yes);
     after.deliver(&worker("a"), grant.lease, &all_of(&grant), at(2.0));
     assert!(after.is_idle());
     let mut more = units(&grant)[0].clone();
     more.samples = 12..13;
-    assert_eq!(after.accept(&more), Accepted::Stale, "nobody wanted it");
+    assert_eq!(after.accept(&more), Verdict::Stale, "nobody wanted it");
 }
 
 #[test]

@@ -9,8 +9,8 @@ use std::ops::Range;
 use std::time::Duration;
 
 use ledger::{
-    Delivery, Failed, Generation, Grant, History, LeaseId, Ledger, Options, StreamId, Unit, Wanted,
-    WorkerId,
+    Delivery, Failed, Generation, Grant, History, LeaseId, Ledger, Options, StreamDemand, StreamId,
+    Unit, WorkerId,
 };
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
@@ -23,8 +23,8 @@ pub(crate) fn worker(name: &str) -> WorkerId {
     WorkerId::from(name)
 }
 
-pub(crate) fn wanted(stream: StreamId, generation: u64, missing: Range<u32>) -> Wanted<()> {
-    Wanted {
+pub(crate) fn wanted(stream: StreamId, generation: u64, missing: Range<u32>) -> StreamDemand<()> {
+    StreamDemand {
         stream,
         generation: Generation(generation),
         source: (),

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use ledger::{
-    Accepted, Delivery, Failure, Generation, Grant, LeaseId, Ledger, Options, StreamId, Unit,
+    Delivery, Failure, Generation, Grant, LeaseId, Ledger, Options, StreamId, Unit, Verdict,
     WorkerId,
 };
 use proptest::prelude::*;
@@ -170,12 +170,12 @@ impl World {
             // Samples stored before a restart may be unknown after it, and are not needed.
             let missing = self.missing(unit.stream);
             let is_needless = !unit.samples.clone().any(|sample| missing.contains(&sample));
-            assert!(expected || accepted == Accepted::Stale, "{unit:?}");
+            assert!(expected || accepted == Verdict::Stale, "{unit:?}");
             assert!(
-                !expected || is_needless || accepted == Accepted::Yes,
+                !expected || is_needless || accepted == Verdict::Yes,
                 "{unit:?}"
             );
-            if accepted == Accepted::Yes {
+            if accepted == Verdict::Yes {
                 let stored = self
                     .stored
                     .entry((unit.stream, unit.generation))

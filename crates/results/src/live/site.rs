@@ -96,15 +96,15 @@ pub struct Body {
 
 /// A cached value with the time at which it expires.
 #[derive(Debug)]
-struct Kept<T>(Mutex<Option<(Arc<T>, Instant)>>);
+struct Cache<T>(Mutex<Option<(Arc<T>, Instant)>>);
 
-impl<T> Default for Kept<T> {
+impl<T> Default for Cache<T> {
     fn default() -> Self {
         Self(Mutex::new(None))
     }
 }
 
-impl<T> Kept<T> {
+impl<T> Cache<T> {
     /// The cached value, and whether it is still valid.
     fn get(&self) -> Option<(Arc<T>, bool)> {
         // A poisoned lock is harmless, because the pair is replaced as a whole.
@@ -130,13 +130,13 @@ impl<T> Kept<T> {
 pub struct Site {
     store: Store,
     running: Option<Ask>,
-    status: Kept<Result<Status, String>>,
+    status: Cache<Result<Status, String>>,
     reading_status: tokio::sync::Mutex<()>,
-    bodies: [Kept<Body>; View::ALL.len()],
-    responses: Kept<Responses>,
+    bodies: [Cache<Body>; View::ALL.len()],
+    responses: Cache<Responses>,
     work: tokio::sync::Mutex<Work>,
     /// The last status sent to the listening pages.
-    sent: watch::Sender<Sent>,
+    sent: watch::Sender<Broadcast>,
     /// Number of requests for views that are being answered.
     visits: watch::Sender<usize>,
 }
@@ -152,7 +152,7 @@ impl Drop for Visit<'_> {
 
 /// An event for the listening pages.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Sent {
+pub(crate) struct Broadcast {
     /// The status; `None` before the first one.
     pub(crate) status: Option<Arc<Body>>,
     /// Whether the server ends and this is the last event.
@@ -175,10 +175,10 @@ impl Site {
         Arc::new(Self {
             store,
             running,
-            status: Kept::default(),
+            status: Cache::default(),
             reading_status: tokio::sync::Mutex::default(),
-            bodies: std::array::from_fn(|_| Kept::default()),
-            responses: Kept::default(),
+            bodies: std::array::from_fn(|_| Cache::default()),
+            responses: Cache::default(),
             work: tokio::sync::Mutex::default(),
             sent: watch::Sender::default(),
             visits: watch::Sender::default(),
@@ -247,7 +247,7 @@ impl Site {
     }
 
     /// A receiver of the changes of the status.
-    pub(crate) fn listen(&self) -> watch::Receiver<Sent> {
+    pub(crate) fn listen(&self) -> watch::Receiver<Broadcast> {
         self.sent.subscribe()
     }
 
@@ -293,7 +293,7 @@ impl Site {
             });
         }
         self.forget_views().await;
-        self.sent.send_replace(Sent {
+        self.sent.send_replace(Broadcast {
             status: Some(self.body(View::Status).await),
             is_last: true,
         });
@@ -308,7 +308,7 @@ impl Site {
             self.status.forget();
         }
         let _work = self.work.lock().await;
-        self.bodies.iter().for_each(Kept::forget);
+        self.bodies.iter().for_each(Cache::forget);
     }
 
     async fn make(&self, view: View, work: &mut Work) -> anyhow::Result<Body> {

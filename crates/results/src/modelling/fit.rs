@@ -3,7 +3,7 @@ use std::borrow::Cow;
 use kriging::{Data, Guidance, Names, Nugget, Settings, Surrogate};
 
 use crate::modelling::summary::{self, Origin, Summary};
-use crate::modelling::table::{Content, Unused};
+use crate::modelling::table::{Content, UnusedColumn};
 use crate::modelling::{Error, ModelFile, Quantity, Table, far};
 
 /// The columns to fit, and the settings of the fit.
@@ -37,7 +37,7 @@ pub struct Fit {
 struct Columns {
     inputs: Vec<Quantity>,
     response: Quantity,
-    unused: Vec<Unused>,
+    unused: Vec<UnusedColumn>,
 }
 
 impl Columns {
@@ -137,10 +137,10 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
             request.response
         )));
     }
-    let mut unused: Vec<Unused> = table.index().cloned().into_iter().collect();
+    let mut unused: Vec<UnusedColumn> = table.index().cloned().into_iter().collect();
     let mut leave_out = |column: &String, reason: String| {
         let column = column.clone();
-        unused.push(Unused { column, reason });
+        unused.push(UnusedColumn { column, reason });
     };
     let names = match &request.inputs {
         Some(names) => {
@@ -174,7 +174,7 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
     if names.is_empty() {
         let unused = unused
             .iter()
-            .map(|Unused { column, reason }| format!("; {column}: {reason}"));
+            .map(|UnusedColumn { column, reason }| format!("; {column}: {reason}"));
         return Err(Error::Settings(format!(
             "{} has no inputs: it must have a column of differing numbers beside the response {:?}{}",
             table.file(),

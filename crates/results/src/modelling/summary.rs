@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use kriging::Settings;
 use serde::Serialize;
 
-use crate::modelling::table::{Skipped, Unused};
+use crate::modelling::table::{Skipped, UnusedColumn};
 use crate::modelling::{ModelFile, Quantity, Request, SCHEMA_VERSION, Table};
 
 /// The parameters and the validation of a model that was fitted to a table. Quantities of the response are
@@ -25,7 +25,7 @@ pub struct Summary {
     /// The inputs.
     pub inputs: Vec<Input>,
     /// Columns of the table that the model does not use, and why.
-    pub unused: Vec<Unused>,
+    pub unused: Vec<UnusedColumn>,
     /// Rows that were left out, by the column that has no value there.
     pub skipped: Vec<Skipped>,
     /// Number n of observations.
@@ -105,7 +105,7 @@ pub struct Largest {
 pub(crate) struct Origin<'a> {
     /// The table, without the rows that were left out.
     pub(crate) table: &'a Table,
-    pub(crate) unused: Vec<Unused>,
+    pub(crate) unused: Vec<UnusedColumn>,
     pub(crate) skipped: Vec<Skipped>,
     pub(crate) warnings: Vec<String>,
 }
@@ -238,7 +238,7 @@ pub fn describe(summary: &Summary) -> String {
             ),
         );
     }
-    for Unused { column, reason } in &summary.unused {
+    for UnusedColumn { column, reason } in &summary.unused {
         line("not used", format!("{column}: {reason}"));
     }
     for Skipped { column, lines } in &summary.skipped {

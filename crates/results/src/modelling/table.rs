@@ -23,12 +23,12 @@ pub struct Table {
     style: Style,
     format: Vec<String>,
     /// A first column without a name, which was left out.
-    index: Option<Unused>,
+    index: Option<UnusedColumn>,
 }
 
 /// A column that is not used, and the reason.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Unused {
+pub struct UnusedColumn {
     /// The column's name, or its number where it has none.
     pub column: String,
     /// Why it is not used.
@@ -91,7 +91,7 @@ impl Table {
 
     /// A first column without a name, which was taken as an index of the rows.
     #[must_use]
-    pub const fn index(&self) -> Option<&Unused> {
+    pub const fn index(&self) -> Option<&UnusedColumn> {
         self.index.as_ref()
     }
 

@@ -45,7 +45,7 @@ pub use data::{
 pub use drawing::{contact, drawing, ste};
 pub use error::Error;
 pub use page::{
-    ChartFile, PAGE_STYLE, Rendered, TradeoffPage, TradeoffRow, TradeoffStudy, campaign_digest,
+    ChartFile, PAGE_STYLE, ReportFiles, TradeoffPage, TradeoffRow, TradeoffStudy, campaign_digest,
     render, render_atlas, render_pair, render_tradeoff,
 };
 pub use quantity::{NamedValue, approach_name, variable_name, variables};

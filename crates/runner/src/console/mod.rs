@@ -162,13 +162,7 @@ mod tests {
         for good in ["", "off", "WARN", "warn,runner=debug"] {
             assert!(levels(good).is_ok(), "{good}");
         }
-        for bad in [
-            "nonsense",
-            "info,loud",
-            "runner=loud",
-            "runner=",
-            "=",
-        ] {
+        for bad in ["nonsense", "info,loud", "runner=loud", "runner=", "="] {
             let text = levels(bad).unwrap_err().to_string();
             assert!(text.contains(bad) && text.contains("warn, info"), "{text}");
         }

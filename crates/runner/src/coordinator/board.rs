@@ -8,8 +8,8 @@ use crate::protocol::MAX_MESSAGE_BYTES;
 use campaign::Campaign;
 use campaign::task::Source;
 use ledger::{
-    Accepted, Delivery, Failure, Generation, Grant, History, Kind, LeaseId, Ledger, Options,
-    StreamId, Unit, Vanished, Wanted, WorkerId, WorkerStatus,
+    Crash, Delivery, Failure, Generation, Grant, History, Kind, LeaseId, Ledger, Options,
+    StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
 };
 use results::running::Running;
 use stages::searching::Progress;
@@ -177,7 +177,7 @@ impl Board {
     }
 
     /// Adds missing samples to the ledger. Samples known already keep their state.
-    pub fn want(&self, wanted: Vec<Wanted<Arc<Source>>>) {
+    pub fn want(&self, wanted: Vec<StreamDemand<Arc<Source>>>) {
         self.change(|inner, _| {
             for mut wanted in wanted {
                 if !inner.histories.is_empty() {
@@ -211,7 +211,7 @@ impl Board {
     }
 
     /// Ends the expired leases and returns those that had started: each may be a crash.
-    pub fn expire(&self) -> Vec<Vanished> {
+    pub fn expire(&self) -> Vec<Crash> {
         let now = self.now();
         let mut inner = self.lock();
         let before = inner.ledger.counts();
@@ -390,7 +390,7 @@ impl Board {
 
     /// Whether the results of a unit are to be stored.
     #[must_use]
-    pub fn accept(&self, unit: &Unit) -> Accepted {
+    pub fn accept(&self, unit: &Unit) -> Verdict {
         self.lock().ledger.accept(unit)
     }
 

@@ -14,7 +14,7 @@ use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};
 use stages::state::{OpenDesign, State, VerifyPoint};
 use stages::verification::Sizes;
-use stages::wanted::{self, Asked};
+use stages::wanted::{self, Requests};
 use stages::{names, references, snapshot};
 use store::{Batch, Derived, OptimiserRunRow, Store};
 use tokio_util::sync::CancellationToken;
@@ -38,7 +38,7 @@ pub struct Engine {
 
 /// How a campaign ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Ended {
+pub struct CampaignEnd {
     /// The names of the quarantined streams.
     pub quarantined: Vec<String>,
 }
@@ -66,17 +66,20 @@ impl Engine {
     /// # Errors
     ///
     /// The store fails, or a local step does.
-    pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
+    pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<CampaignEnd>> {
         self.advance(shutdown, true).await
     }
 
-    /// Runs until only workers can continue; their jobs are on the board then. Returns [`Ended`] if
+    /// Runs until only workers can continue; their jobs are on the board then. Returns [`CampaignEnd`] if
     /// nothing is missing.
     ///
     /// # Errors
     ///
     /// The store fails, or a local step does.
-    pub async fn run_to_jobs(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<Ended>> {
+    pub async fn run_to_jobs(
+        &self,
+        shutdown: &CancellationToken,
+    ) -> anyhow::Result<Option<CampaignEnd>> {
         self.advance(shutdown, false).await
     }
 
@@ -84,7 +87,7 @@ impl Engine {
         &self,
         shutdown: &CancellationToken,
         waits_for_workers: bool,
-    ) -> anyhow::Result<Option<Ended>> {
+    ) -> anyhow::Result<Option<CampaignEnd>> {
         let mut watch = Stopwatch::new(&self.store).await?;
         let ended = self.stages(shutdown, waits_for_workers, &mut watch).await?;
         watch.stop().await?;
@@ -96,7 +99,7 @@ impl Engine {
         shutdown: &CancellationToken,
         waits_for_workers: bool,
         watch: &mut Stopwatch,
-    ) -> anyhow::Result<Option<Ended>> {
+    ) -> anyhow::Result<Option<CampaignEnd>> {
         let references: &[VerifyPoint] = &references::points(&self.problem);
         let searches = &mut Searches::default();
         let sizes = &mut Sizes::default();
@@ -155,7 +158,7 @@ impl Engine {
                 // Without those that are needed no longer.
                 let quarantined = self.board.quarantined().into_iter();
                 let quarantined = quarantined.map(names::stream_name);
-                return Ok(Some(Ended {
+                return Ok(Some(CampaignEnd {
                     quarantined: quarantined.collect(),
                 }));
             }
@@ -212,7 +215,7 @@ impl Engine {
             }
             self.board.show_searches(searches.progress().collect());
         }
-        let Asked {
+        let Requests {
             streams,
             mut generations,
         } = asked;
@@ -237,7 +240,7 @@ impl Engine {
         &self,
         run: &Run,
         searches: &mut Searches,
-        asked: &mut Asked,
+        asked: &mut Requests,
     ) -> anyhow::Result<bool> {
         let stream = run.stream();
         loop {

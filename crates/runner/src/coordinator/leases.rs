@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::console::service::Watchdog;
-use ledger::Vanished;
+use ledger::Crash;
 use stages::names;
 use store::{Batch, FailureKind, FailureRow};
 use tokio::time::{Instant, MissedTickBehavior};
@@ -51,8 +51,8 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
     }
 }
 
-fn failure(vanished: Vanished) -> FailureRow {
-    let Vanished {
+fn failure(vanished: Crash) -> FailureRow {
+    let Crash {
         lease,
         worker,
         stream,

@@ -7,7 +7,7 @@ use crate::protocol::v1::{LeaseResult, UnitResult};
 use campaign::formulation::Problem;
 use campaign::task::{self, Evaluation, Output, Source};
 use futures_util::future::join_all;
-use ledger::{Accepted, Delivery, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
+use ledger::{Delivery, Failure, Generation, LeaseId, StreamId, Unit, Verdict, WorkerId};
 use stages::names;
 use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleBlock};
 use tonic::Status;
@@ -40,7 +40,7 @@ impl<R: Recorder> Receiving<'_, R> {
         let mut all = Vec::new();
         let mut commits = Vec::new();
         for (of, result) in results.iter().enumerate() {
-            let mut brought = Brought::default();
+            let mut brought = LeaseResults::default();
             for unit in &result.results {
                 self.take(worker, unit, &mut brought);
             }
@@ -107,7 +107,7 @@ impl<R: Recorder> Receiving<'_, R> {
     }
 
     /// Reads the result of a unit and adds it to `brought`.
-    fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut Brought) {
+    fn take(&self, worker: &WorkerId, result: &UnitResult, brought: &mut LeaseResults) {
         let read = match ingest::read(self.problem, result) {
             Ok(read) => read,
             Err(why) => {
@@ -118,7 +118,7 @@ impl<R: Recorder> Receiving<'_, R> {
         let stream = read.unit.stream;
         let is_answer = read.is_refused || !read.unit.samples.is_empty();
         brought.has_answers |= read.rows.is_ok() && is_answer;
-        if self.board.accept(&read.unit) == Accepted::Stale {
+        if self.board.accept(&read.unit) == Verdict::Stale {
             debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");
             return;
         }
@@ -294,7 +294,7 @@ impl<R: Recorder> Receiving<'_, R> {
 
 /// The results of a lease, sorted by outcome.
 #[derive(Debug, Default)]
-struct Brought {
+struct LeaseResults {
     /// Results not yet stored.
     parts: Vec<Part>,
     stored: Vec<Unit>,
@@ -334,7 +334,7 @@ impl Failed {
     }
 }
 
-impl Brought {
+impl LeaseResults {
     /// Records the outcome of storing a part.
     fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
         let Part { unit, serial, .. } = part;

@@ -15,7 +15,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::coordinator::board::{self, Board, Course};
-use crate::coordinator::engine::{Ended, Engine};
+use crate::coordinator::engine::{CampaignEnd, Engine};
 use crate::coordinator::leases;
 use crate::coordinator::local::LocalWorkers;
 use crate::coordinator::recorder::{Recorder as _, StoreRecorder};
@@ -235,7 +235,7 @@ async fn run_open(
             damaged = store.damaged() => Err(Error::Store(damaged)),
         };
         let quarantined = match ended {
-            Ok(Some(Ended { quarantined })) => quarantined,
+            Ok(Some(CampaignEnd { quarantined })) => quarantined,
             Ok(None) => {
                 if engine.board.is_drained() {
                     // After a drain, workers leave: nothing will be leased. After a signal they

@@ -384,7 +384,7 @@ mod tests {
     use campaign::Campaign;
     use campaign::formulation::Problem;
     use campaign::task::{Inputs, compute};
-    use ledger::{History, Ledger, Options, Wanted, WorkerId};
+    use ledger::{History, Ledger, Options, StreamDemand, WorkerId};
 
     use super::*;
 
@@ -445,7 +445,7 @@ mod tests {
         let worker = WorkerId::from("a");
         ledger.register(&worker, "here", 4, std::time::Duration::ZERO);
         for (stream, source) in sources {
-            ledger.want(Wanted {
+            ledger.want(StreamDemand {
                 stream: *stream,
                 generation: inputs.generation(*stream, source),
                 source: Arc::new(source.clone()),

@@ -6,7 +6,7 @@
 //! coordinator would: it leases the jobs of the shard and appends reports to the part.
 //!
 //! A worker that must end while its coordinator is away leaves its results as a part, too
-//! ([`Undelivered`]).
+//! ([`UndeliveredFile`]).
 
 mod error;
 mod part;
@@ -18,4 +18,4 @@ pub use error::Error;
 pub use part::{Header, Part};
 pub use service::Service;
 pub use shard::Shard;
-pub use undelivered::{Found, Undelivered};
+pub use undelivered::{OrphanFile, UndeliveredFile};

@@ -18,14 +18,14 @@ const ENDING: &str = "part";
 
 /// A worker's file of results that it has not delivered yet.
 #[derive(Debug)]
-pub struct Undelivered {
+pub struct UndeliveredFile {
     path: PathBuf,
     file: File,
     /// The leases whose results are in the file.
     leases: BTreeSet<(u64, u64)>,
 }
 
-impl Undelivered {
+impl UndeliveredFile {
     /// Creates the file of a worker, and its folder.
     ///
     /// # Errors
@@ -107,14 +107,14 @@ fn key(id: LeaseId) -> (u64, u64) {
 
 /// The file of a worker that has ended.
 #[derive(Debug)]
-pub struct Found {
+pub struct OrphanFile {
     /// Its content.
     pub part: Part,
     /// Keeps other workers away.
     _lock: File,
 }
 
-impl Found {
+impl OrphanFile {
     /// The files in a folder that no worker uses, in the order of their names. The errors are those
     /// of files that cannot be used. A folder that does not exist has no files.
     #[must_use]
@@ -174,19 +174,22 @@ mod tests {
     fn a_file_is_found_once_its_worker_has_ended_and_holds_each_lease_once() {
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("new");
-        assert!(Found::all(&folder).is_empty());
-        let mut own = Undelivered::create(&folder, "0a", ("bowl", "c"), "m").unwrap();
+        assert!(OrphanFile::all(&folder).is_empty());
+        let mut own = UndeliveredFile::create(&folder, "0a", ("bowl", "c"), "m").unwrap();
         own.keep(vec![result(1), result(2)]).unwrap();
         own.keep(vec![result(2), result(3)]).unwrap();
-        assert!(Found::all(&folder).is_empty(), "its worker lives");
+        assert!(OrphanFile::all(&folder).is_empty(), "its worker lives");
         let path = own.path().to_owned();
         drop(own);
-        let found: Vec<Found> = Found::all(&folder)
+        let found: Vec<OrphanFile> = OrphanFile::all(&folder)
             .into_iter()
             .map(Result::unwrap)
             .collect();
         assert_eq!(found.len(), 1);
-        assert!(Found::all(&folder).is_empty(), "another worker delivers it");
+        assert!(
+            OrphanFile::all(&folder).is_empty(),
+            "another worker delivers it"
+        );
         let part = &found[0].part;
         assert_eq!(part.path, path);
         assert_eq!(part.results, [result(1), result(2), result(3)]);
@@ -200,7 +203,7 @@ mod tests {
         // What is no part is an error, and other files are none of the kind.
         fs::write(folder.join("x.part"), "nonsense").unwrap();
         fs::write(folder.join("note.txt"), "").unwrap();
-        let [Err(error)] = &Found::all(&folder)[..] else {
+        let [Err(error)] = &OrphanFile::all(&folder)[..] else {
             panic!("one error")
         };
         assert!(

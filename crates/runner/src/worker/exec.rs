@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 
 use campaign::file::SimulatorKind;
 use campaign::formulation::{Design, Problem};
-use campaign::probe::{self, Unusable};
+use campaign::probe::{self, ProbeError};
 use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 use campaign::task::NOT_A_NUMBER;
 use rand::Rng as _;
@@ -33,7 +33,7 @@ use tracing::warn;
 
 use crate::worker::error::Error;
 pub use files::FileMode;
-use messages::{Answer, Content, Described, Numbers};
+use messages::{Answer, Content, Description, Numbers};
 use program::Program;
 
 /// Pause before a program that fails on every question of the model digest is asked again.
@@ -166,13 +166,13 @@ impl Backend {
                     match probe::answers_of(&session, simulator.probe_designs()) {
                         Ok(answers) => break answers,
                         // As in an outage.
-                        Err(Unusable::Fails(reason))
+                        Err(ProbeError::Fails(reason))
                             if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
                         {
                             warn!(%reason, "the simulator fails on every question; asking again");
                             std::thread::sleep(PROBE_PAUSE);
                         }
-                        Err(Unusable::Fails(reason) | Unusable::Contradicts(reason)) => {
+                        Err(ProbeError::Fails(reason) | ProbeError::Contradicts(reason)) => {
                             return Err(failed(reason));
                         }
                     }
@@ -284,7 +284,7 @@ impl Session<'_> {
         *self.process.borrow_mut() = Some(process);
         let request = messages::describe(self.problem)?;
         let timeout = self.programs.exec.timeout.max(START);
-        let check = |described: &Described| described.check(self.problem);
+        let check = |described: &Description| described.check(self.problem);
         let described = match self.exchange(request, timeout, check)? {
             Answer::Given(described) => described,
             Answer::Refused(reason) | Answer::Error(reason) => {
@@ -380,7 +380,7 @@ impl Simulator for Session<'_> {
 
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
         let told = self.problem.told(design).map_err(NoAnswer::Refused)?;
-        Ok(Box::new(Asked {
+        Ok(Box::new(ExternalDesign {
             session: self,
             told: messages::design(&told),
             design: design.clone(),
@@ -391,7 +391,7 @@ impl Simulator for Session<'_> {
 }
 
 /// A design that a program simulates.
-struct Asked<'a> {
+struct ExternalDesign<'a> {
     session: &'a Session<'a>,
     design: Design,
     told: Value,
@@ -400,7 +400,7 @@ struct Asked<'a> {
     was_evaluated: bool,
 }
 
-impl Asked<'_> {
+impl ExternalDesign<'_> {
     /// Requests the responses at `places` that are not known yet.
     fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
         let problem = self.session.problem;
@@ -433,7 +433,7 @@ impl Asked<'_> {
     }
 }
 
-impl Prepared for Asked<'_> {
+impl Prepared for ExternalDesign<'_> {
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
         let problem = self.session.problem;
         let wanted: Vec<usize> = problem.wanted(state).collect();

@@ -29,7 +29,7 @@ const HELD_LEASES: usize = 2000;
 
 /// The amount of work to ask for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Wanted {
+pub(crate) struct LeaseDemand {
     /// Maximum number of leases.
     pub(crate) leases: usize,
     /// Expected time of the leases, in seconds, after which no more are needed.
@@ -48,7 +48,7 @@ pub(crate) struct Lease {
 }
 
 #[derive(Debug)]
-struct Held {
+struct OpenLease {
     lease: Arc<Lease>,
     started: bool,
     cancelled: Arc<AtomicBool>,
@@ -62,7 +62,7 @@ struct Held {
 
 #[derive(Debug, Default)]
 struct Inner {
-    computing: BTreeMap<LeaseId, Held>,
+    computing: BTreeMap<LeaseId, OpenLease>,
     outbox: Outbox,
     /// The serial number of the newest failure.
     serial: u64,
@@ -70,7 +70,7 @@ struct Inner {
 
 impl Inner {
     /// Keeps the results of a lease until they are acknowledged.
-    fn finish(&mut self, held: Held) {
+    fn finish(&mut self, held: OpenLease) {
         let result = LeaseResult {
             id: Some(held.lease.id.into()),
             results: held.done.into_iter().chain(held.part).collect(),
@@ -102,7 +102,7 @@ impl HeldLeases {
             if inner.computing.contains_key(&id) || inner.outbox.contains(id) {
                 return false;
             }
-            let held = Held {
+            let held = OpenLease {
                 lease: Arc::clone(lease),
                 started: false,
                 cancelled: Arc::default(),
@@ -256,7 +256,7 @@ impl HeldLeases {
 
     /// Returns the amount of work to ask for with `slots` slots; none while there is enough, or too
     /// many results are unacknowledged.
-    pub(crate) fn wanted(&self, slots: usize) -> Option<Wanted> {
+    pub(crate) fn wanted(&self, slots: usize) -> Option<LeaseDemand> {
         self.with(|inner| {
             if inner.outbox.is_full() || inner.outbox.has_restored() {
                 return None;
@@ -269,7 +269,7 @@ impl HeldLeases {
                 .sum();
             let (leases, seconds) = (HELD_LEASES * slots, HELD_SECONDS * slots as f64);
             let is_low = worth < LOW * seconds && (held as f64) < LOW * leases as f64;
-            (held < slots || is_low).then(|| Wanted {
+            (held < slots || is_low).then(|| LeaseDemand {
                 leases: leases - held,
                 seconds: seconds - worth,
             })

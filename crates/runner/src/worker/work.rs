@@ -25,7 +25,7 @@ use crate::worker::exec::Exec;
 use crate::worker::held::HeldLeases;
 
 use contact::Contact;
-use registering::Registered;
+use registering::Registration;
 use undelivered::Files;
 
 /// Interval between heartbeats until the coordinator names one.
@@ -87,7 +87,7 @@ struct Shared {
     worker_id: String,
     /// The problem with the digest of its model; replaced when a restarted coordinator names
     /// another campaign.
-    problem: RwLock<Option<Arc<Registered>>>,
+    problem: RwLock<Option<Arc<Registration>>>,
     held: HeldLeases,
     contact: Contact,
     files: Files,

@@ -9,7 +9,7 @@ use campaign::Approach;
 use enrich::Recommendation;
 use ledger::{Kind, StreamId, Unit};
 use results::status;
-use runner::coordinator::engine::Ended;
+use runner::coordinator::engine::CampaignEnd;
 use stages::fitting::{ModelSummary, latest_model};
 use store::{InfillRow, ModelRow, OptimumRow, RoundRow, Store};
 
@@ -49,7 +49,12 @@ fn is_infill(stream: StreamId) -> bool {
 type Fails = fn(&str) -> bool;
 
 /// Runs the campaign on the store until it ends, or until `stop_at` infill samples are stored.
-async fn run(path: &Path, workers: usize, fails: Fails, stop_at: Option<u64>) -> Option<Ended> {
+async fn run(
+    path: &Path,
+    workers: usize,
+    fails: Fails,
+    stop_at: Option<u64>,
+) -> Option<CampaignEnd> {
     let coordinator = Coordinator::start(path, campaign_file()).await;
     let store = &coordinator.store;
     let enough = async {

@@ -5,7 +5,7 @@ use std::future::pending;
 use std::time::Duration;
 
 use ledger::{StreamId, Unit};
-use runner::coordinator::engine::Ended;
+use runner::coordinator::engine::CampaignEnd;
 use store::{Derivation, OptimumRow, ResponseRow, Store};
 
 use crate::running::Coordinator;
@@ -77,7 +77,7 @@ async fn stored(store: &Store, design: u64, samples: u64) {
     }
 }
 
-async fn run(coordinator: &Coordinator, fails: impl Fn(&Unit) -> bool + Sync) -> Ended {
+async fn run(coordinator: &Coordinator, fails: impl Fn(&Unit) -> bool + Sync) -> CampaignEnd {
     let fails = |_: Option<&str>, unit: &Unit| fails(unit);
     let ended = coordinator.run(2, &fails, pending()).await;
     ended.expect("a campaign that nobody stops ends")

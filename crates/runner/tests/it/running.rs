@@ -9,7 +9,7 @@ use campaign::task::compute;
 use campaign::{Campaign, probe};
 use ledger::{StreamId, Unit};
 use runner::coordinator::board::Board;
-use runner::coordinator::engine::{Ended, Engine};
+use runner::coordinator::engine::{CampaignEnd, Engine};
 use runner::coordinator::recorder::StoreRecorder;
 use runner::coordinator::service::Service;
 use runner::protocol::v1::campaign_server::Campaign as _;
@@ -78,7 +78,7 @@ impl Coordinator {
         workers: usize,
         fails: Fails<'_>,
         stop: impl Future<Output = ()>,
-    ) -> Option<Ended> {
+    ) -> Option<CampaignEnd> {
         let shutdown = CancellationToken::new();
         tokio::select! {
             ended = self.engine.run(&shutdown) => ended.unwrap(),

@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail};
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, probe};
-use lab::tradeoff::{Ended, Load, Ran, process_seconds};
+use lab::tradeoff::{Ended, Load, RunnerTimes, process_seconds};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
 use results::optima::Optima;
@@ -85,7 +85,7 @@ pub(super) struct Programs<'a> {
 }
 
 impl lab::tradeoff::Runner for Programs<'_> {
-    fn samples(&mut self, load: &Load) -> anyhow::Result<Ran> {
+    fn samples(&mut self, load: &Load) -> anyhow::Result<RunnerTimes> {
         self.runtime.block_on(run(self.campaign, self.out, load))
     }
 
@@ -150,7 +150,7 @@ async fn whole(
 }
 
 /// Runs samples of this campaign, or of the sleeping program, with a store in the folder `out`.
-async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
+async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<RunnerTimes> {
     let (campaign, exec) = match load.sleep {
         None => (own.clone(), None),
         Some(seconds) => {
@@ -184,7 +184,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<Ran> {
     let share = f64::from(load.samples) / f64::from(designs * per_design);
     ran.seconds *= share;
     ran.cpu_seconds *= share;
-    Ok(Ran {
+    Ok(RunnerTimes {
         alone_seconds,
         ..ran
     })
@@ -242,7 +242,7 @@ async fn through(
     per_design: u32,
     workers: usize,
     exec: Option<Exec>,
-) -> anyhow::Result<Ran> {
+) -> anyhow::Result<RunnerTimes> {
     let campaign = problem.campaign();
     let folder = tempfile::tempdir_in(out)?;
     let row = CampaignRow {
@@ -299,7 +299,7 @@ async fn through(
         }
         tokio::time::sleep(ASKED).await;
     }
-    let ran = Ran {
+    let ran = RunnerTimes {
         seconds: began.elapsed().as_secs_f64(),
         cpu_seconds: process_seconds() - cpu,
         alone_seconds: 0.0,

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use ledger::{
-    Delivery, Generation, Grant, History, LeaseId, Ledger, Options, StreamId, Unit, Vanished,
-    Wanted, WorkerId,
+    Crash, Delivery, Generation, Grant, History, LeaseId, Ledger, Options, StreamDemand, StreamId,
+    Unit, WorkerId,
 };
 
 use crate::stability::outcome::{Failed, Outcome, variant};
@@ -17,8 +17,8 @@ pub(super) fn at(seconds: f64) -> Duration {
     Duration::from_secs_f64(seconds)
 }
 
-pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> Wanted<()> {
-    Wanted {
+pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> StreamDemand<()> {
+    StreamDemand {
         stream,
         generation: Generation(generation),
         source: (),
@@ -102,7 +102,7 @@ pub(super) fn beat(
 }
 
 /// Records leases that expired after their job had started.
-pub(super) fn vanished(found: &mut Outcome, vanished: &[Vanished]) {
+pub(super) fn vanished(found: &mut Outcome, vanished: &[Crash]) {
     if let Some(one) = vanished.first() {
         found.named(variant(one));
     }

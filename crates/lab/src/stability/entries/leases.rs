@@ -1,6 +1,6 @@
 //! Leases under pauses, steps of the clock and restarts.
 
-use ledger::{Accepted, Grant, Ledger, Options, StreamId, WorkerId};
+use ledger::{Grant, Ledger, Options, StreamId, Verdict, WorkerId};
 use rand::RngExt as _;
 use results::report::Scale;
 use stats::streams::{Purpose, StreamRng, stream};
@@ -104,7 +104,7 @@ fn campaign_with_pauses(pause: f64) -> Result<[f64; 3], Failed> {
                     let mut delivery = all_of(grant);
                     delivery
                         .stored
-                        .retain(|unit| ledger.accept(unit) == Accepted::Yes);
+                        .retain(|unit| ledger.accept(unit) == Verdict::Yes);
                     delivery.seconds = SAMPLE_SECONDS * samples_of(grant) as f64;
                     ledger.deliver(id, grant.lease, &delivery, at(now));
                 }
@@ -194,7 +194,7 @@ fn replaced_worker(found: &mut Outcome) -> Result<(), Failed> {
     // Its late samples are compared with those stored.
     found.holds(
         "a copy is accepted for comparison",
-        ledger.accept(&units(&second)[0]) == Accepted::Yes,
+        ledger.accept(&units(&second)[0]) == Verdict::Yes,
     );
     Ok(())
 }
@@ -305,7 +305,7 @@ fn stale(found: &mut Outcome) -> Result<(), Failed> {
     found.named(variant(&answer));
     found.holds(
         "the samples of the earlier optimum are stale",
-        answer == Accepted::Stale,
+        answer == Verdict::Stale,
     );
     found.at_least(
         "results counted as stale",

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::number::{self, Conflict, Style};
 use super::text::{Delimiter, Record, Records, decode};
-use super::{Table, Unused};
+use super::{Table, UnusedColumn};
 use crate::modelling::InputError;
 
 /// Lines that the delimiter is found from.
@@ -269,7 +269,7 @@ fn drop_nameless(table: &mut Table, head_line: u64) -> Result<(), InputError> {
             .rows
             .iter_mut()
             .for_each(|row| drop(row.fields.remove(0)));
-        table.index = Some(Unused {
+        table.index = Some(UnusedColumn {
             column: "column 1".to_owned(),
             reason: "it has no name and is taken as an index of the rows".to_owned(),
         });

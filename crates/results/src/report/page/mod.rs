@@ -38,7 +38,7 @@ pub const PAGE_STYLE: &str = include_str!("../../../templates/report.css");
 
 /// A report: one HTML page that loads nothing and runs nothing, and its charts as files.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Rendered {
+pub struct ReportFiles {
     /// The page.
     pub html: String,
     /// Its charts.
@@ -53,7 +53,7 @@ pub struct Rendered {
 /// # Errors
 /// [`Error::LengthMismatch`] if lists of one curve differ in length, [`Error::UnknownFigure`] if a
 /// printed design is not one of Figures 6 to 10, [`Error::Template`] if the template fails.
-pub fn render(data: &ReportData) -> Result<Rendered, Error> {
+pub fn render(data: &ReportData) -> Result<ReportFiles, Error> {
     let Some(gears) = &data.gears else {
         return problem::render(data);
     };
@@ -66,7 +66,7 @@ pub fn render(data: &ReportData) -> Result<Rendered, Error> {
         key: symbols::key(&html),
         body: html,
     };
-    Ok(Rendered {
+    Ok(ReportFiles {
         html: page.render()?,
         charts: body.figures().filter_map(|f| f.file.clone()).collect(),
     })

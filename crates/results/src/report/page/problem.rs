@@ -5,7 +5,7 @@ use campaign::formulation::Problem;
 
 use super::kriging::{KrigingView, kriging_view};
 use super::rows::{limited, named};
-use super::{Rendered, Value, nothing_found, refused, tiles};
+use super::{ReportFiles, Value, nothing_found, refused, tiles};
 use crate::optima::VerifiedOptimum;
 use crate::report::data::ReportData;
 use crate::report::error::Error;
@@ -15,7 +15,7 @@ use crate::report::summary::{SummaryView, percentile_and_interval, with_unit};
 use crate::report::svg;
 
 /// The report of a campaign with a problem of the user's.
-pub(super) fn render(data: &ReportData) -> Result<Rendered, Error> {
+pub(super) fn render(data: &ReportData) -> Result<ReportFiles, Error> {
     let header = &data.header;
     let page = Page {
         data,
@@ -34,7 +34,7 @@ pub(super) fn render(data: &ReportData) -> Result<Rendered, Error> {
     };
     let figures = page.kriging.iter().flat_map(KrigingView::figures);
     let charts = figures.filter_map(|figure| figure.file.clone()).collect();
-    Ok(Rendered {
+    Ok(ReportFiles {
         html: page.render()?,
         charts,
     })

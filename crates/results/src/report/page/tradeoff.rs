@@ -2,7 +2,7 @@
 
 use askama::Template;
 
-use super::Rendered;
+use super::ReportFiles;
 use super::figure::{Figure, figure};
 use crate::report::charts::{self, TradeoffChart};
 use crate::report::error::Error;
@@ -65,7 +65,7 @@ pub struct TradeoffRow {
 ///
 /// # Errors
 /// [`Error::Template`] if the template fails.
-pub fn render_tradeoff(data: &TradeoffPage) -> Result<Rendered, Error> {
+pub fn render_tradeoff(data: &TradeoffPage) -> Result<ReportFiles, Error> {
     let studies = data.studies.iter().map(view);
     let page = Page {
         data,
@@ -75,7 +75,7 @@ pub fn render_tradeoff(data: &TradeoffPage) -> Result<Rendered, Error> {
     };
     let figures = page.studies.iter().flat_map(|study| &study.figures);
     let charts = figures.filter_map(|figure| figure.file.clone()).collect();
-    Ok(Rendered {
+    Ok(ReportFiles {
         html: page.render()?,
         charts,
     })

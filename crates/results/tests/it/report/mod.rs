@@ -277,7 +277,7 @@ fn other_campaigns_have_the_same_charts_and_no_empty_sections() {
     let of_paper = render(&plausible()).unwrap();
     let data = without_paper(plausible());
     let rendered = render(&data).unwrap();
-    let names = |rendered: &Rendered| -> Vec<String> {
+    let names = |rendered: &ReportFiles| -> Vec<String> {
         let names = rendered.charts.iter().map(|chart| chart.name.clone());
         names.filter(|name| !name.starts_with("figure-6")).collect()
     };

@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::heard::Heard;
+use super::heard::Line;
 use super::messages::{Numbers, PROTOCOL, number};
 use super::process::Process;
 
@@ -213,7 +213,7 @@ impl Files {
         );
         let mut process = Process::start(&command, Arc::clone(&self.stop))?;
         let asked = format!("{} in {}", self.command, folder.display());
-        let status = |line: &[u8]| Heard::Answer(String::from_utf8_lossy(line).into_owned(), true);
+        let status = |line: &[u8]| Line::Answer(String::from_utf8_lossy(line).into_owned(), true);
         match &*process.ask("", timeout, &status)? {
             "0" => Ok(()),
             status => Err(process.obituary(&format!("ended with status {status}"), &asked)),

@@ -9,7 +9,7 @@ const QUOTE: usize = 1000;
 
 /// The meaning of a line of the output.
 #[derive(Debug, PartialEq)]
-pub(super) enum Heard<T> {
+pub(super) enum Line<T> {
     /// The answer, and whether other text is in the same line.
     Answer(T, bool),
     /// An attempt at an answer that cannot be read: the reason.
@@ -22,7 +22,7 @@ pub(super) enum Heard<T> {
 
 /// Output that is not an answer.
 #[derive(Debug, Default)]
-pub(super) struct Skipped {
+pub(super) struct ForeignOutput {
     pub(super) lines: usize,
     pub(super) bytes: usize,
     /// The last of the lines, quoted.
@@ -36,7 +36,7 @@ pub(super) struct Tail {
     cut: bool,
 }
 
-impl Skipped {
+impl ForeignOutput {
     /// The part of an error that names what was skipped.
     pub(super) fn told(&self) -> String {
         match self.lines {

@@ -7,7 +7,7 @@ use campaign::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Deserializer, Map, Value, json};
 
-use super::heard::Heard;
+use super::heard::Line;
 
 /// The version of the protocol, which both sides name at the start.
 pub(super) const PROTOCOL: u32 = 2;
@@ -33,7 +33,7 @@ const MAX_SENTENCE: usize = 2000;
 /// The answer to the first request of a process.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Described {
+pub(super) struct Description {
     protocol: u32,
     /// The program's version.
     #[serde(default)]
@@ -58,7 +58,7 @@ pub(super) trait Content: Sized {
     fn of(answer: Map<String, Value>) -> Result<Self, String>;
 }
 
-impl Content for Described {
+impl Content for Description {
     fn of(answer: Map<String, Value>) -> Result<Self, String> {
         serde_json::from_value(Value::Object(answer)).map_err(|error| error.to_string())
     }
@@ -165,11 +165,11 @@ pub(super) fn line(mut request: Map<String, Value>, id: u64) -> String {
 ///
 /// The answer may have a byte order mark before it and other text in its line, such as a message
 /// without an end of line.
-pub(super) fn hear(line: &[u8], id: u64) -> Heard<Map<String, Value>> {
+pub(super) fn hear(line: &[u8], id: u64) -> Line<Map<String, Value>> {
     let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
     let line = line.trim_ascii();
     if line.is_empty() {
-        return Heard::Nothing;
+        return Line::Nothing;
     }
     let text = String::from_utf8_lossy(line);
     let text = with_quoted_numbers(&text);
@@ -188,15 +188,13 @@ pub(super) fn hear(line: &[u8], id: u64) -> Heard<Map<String, Value>> {
                 let is_answer = !object.contains_key("request");
                 if theirs == Some(id as f64) && is_answer {
                     object.remove("id");
-                    return Heard::Answer(object, start == 0 && end == text.len());
+                    return Line::Answer(object, start == 0 && end == text.len());
                 }
                 if let Some(theirs) = theirs
                     && theirs > id as f64
                     && is_answer
                 {
-                    return Heard::Malformed(format!(
-                        "it answers request {theirs} instead of {id}"
-                    ));
+                    return Line::Malformed(format!("it answers request {theirs} instead of {id}"));
                 }
                 from = end;
             }
@@ -209,8 +207,8 @@ pub(super) fn hear(line: &[u8], id: u64) -> Heard<Map<String, Value>> {
     }
     let is_attempt = text.starts_with('{') && (text.contains("\"id\"") || text.contains("'id'"));
     match error {
-        Some(error) if is_attempt => Heard::Malformed(format!("it is not JSON: {error}")),
-        _ => Heard::Foreign,
+        Some(error) if is_attempt => Line::Malformed(format!("it is not JSON: {error}")),
+        _ => Line::Foreign,
     }
 }
 
@@ -277,7 +275,7 @@ pub(super) fn read<T: Content>(mut answer: Map<String, Value>) -> Result<Answer<
     T::of(answer).map(Answer::Given)
 }
 
-impl Described {
+impl Description {
     /// Checks that the program uses this protocol and the names of the campaign.
     pub(super) fn check(&self, problem: &Problem) -> Result<(), String> {
         if self.protocol != PROTOCOL {
@@ -339,9 +337,9 @@ mod tests {
 
     fn sample(text: &str) -> Result<Answer<f64>, String> {
         let answer = match hear(text.as_bytes(), 7) {
-            Heard::Answer(answer, _) => answer,
-            Heard::Malformed(reason) => return Err(reason),
-            Heard::Foreign | Heard::Nothing => return Err("skipped".to_owned()),
+            Line::Answer(answer, _) => answer,
+            Line::Malformed(reason) => return Err(reason),
+            Line::Foreign | Line::Nothing => return Err("skipped".to_owned()),
         };
         let answer: Answer<Numbers> = read(answer)?;
         Ok(match answer {

@@ -22,7 +22,7 @@ use rustix::process::{Pid, Signal};
 use tracing::warn;
 
 use super::ending::{self, AFTER_INPUT, AFTER_TERM, GUARD};
-use super::heard::{Heard, Skipped, Tail, malformed, quote};
+use super::heard::{ForeignOutput, Line, Tail, malformed, quote};
 
 /// Maximum size of the output up to an answer, in bytes, the answer included.
 const MAX_OUTPUT: usize = 16 * 1024 * 1024;
@@ -51,7 +51,7 @@ pub(super) struct Process {
     /// Whole lines that were read and not looked at yet, oldest first.
     lines: VecDeque<Vec<u8>>,
     /// What was skipped since the last answer.
-    skipped: Skipped,
+    skipped: ForeignOutput,
     /// Whether a skipped line was reported.
     has_warned: bool,
     /// Whether the process has answered.
@@ -123,7 +123,7 @@ impl Process {
             errors: Some(errors),
             pending: Vec::new(),
             lines: VecDeque::new(),
-            skipped: Skipped::default(),
+            skipped: ForeignOutput::default(),
             has_warned: false,
             has_answered: false,
             is_silent: false,
@@ -163,7 +163,7 @@ impl Process {
         &mut self,
         line: &str,
         timeout: Duration,
-        read: &dyn Fn(&[u8]) -> Heard<T>,
+        read: &dyn Fn(&[u8]) -> Line<T>,
     ) -> Result<T, String> {
         self.exchange(line, timeout, read).map_err(|silence| {
             let why = match silence {
@@ -196,9 +196,9 @@ impl Process {
         &mut self,
         line: &str,
         timeout: Duration,
-        read: &dyn Fn(&[u8]) -> Heard<T>,
+        read: &dyn Fn(&[u8]) -> Line<T>,
     ) -> Result<T, Silence> {
-        self.skipped = Skipped::default();
+        self.skipped = ForeignOutput::default();
         if !line.is_empty() {
             // The end of the process shows below.
             let _ = self.read_lines();
@@ -259,21 +259,21 @@ impl Process {
     /// may lack its newline.
     fn answer<T>(
         &mut self,
-        read: &dyn Fn(&[u8]) -> Heard<T>,
+        read: &dyn Fn(&[u8]) -> Line<T>,
         is_end: bool,
     ) -> Result<Option<T>, Silence> {
         while let Some(line) = self.lines.pop_front() {
             match read(&line) {
-                Heard::Answer(answer, is_alone) => {
+                Line::Answer(answer, is_alone) => {
                     if !is_alone {
                         self.skip(&line);
                     }
                     self.has_answered = true;
                     return Ok(Some(answer));
                 }
-                Heard::Malformed(reason) => return Err(Silence::Malformed(line, reason)),
-                Heard::Foreign => self.skip(&line),
-                Heard::Nothing => {}
+                Line::Malformed(reason) => return Err(Silence::Malformed(line, reason)),
+                Line::Foreign => self.skip(&line),
+                Line::Nothing => {}
             }
             if self.skipped.bytes > MAX_OUTPUT {
                 return Err(Silence::TooLong);
@@ -281,7 +281,7 @@ impl Process {
         }
         if is_end
             && !self.pending.is_empty()
-            && let Heard::Answer(answer, _) = read(&self.pending)
+            && let Line::Answer(answer, _) = read(&self.pending)
         {
             return Ok(Some(answer));
         }
@@ -405,7 +405,7 @@ impl Process {
 
     /// Closes the input of a process that has not answered, and describes what it says then: a
     /// program that does not flush its output does so at its end.
-    fn late_words<T>(&mut self, timeout: Duration, read: &dyn Fn(&[u8]) -> Heard<T>) -> String {
+    fn late_words<T>(&mut self, timeout: Duration, read: &dyn Fn(&[u8]) -> Line<T>) -> String {
         let seconds = timeout.as_secs_f64();
         self.input = None;
         let since = Instant::now();

@@ -17,7 +17,7 @@ const RESULTS_PER_REPORT: usize = 4096;
 pub(super) const UNACKNOWLEDGED_BYTES: usize = 8 << 20;
 
 #[derive(Debug)]
-struct Finished {
+struct FinishedLease {
     lease: Arc<Lease>,
     result: LeaseResult,
     bytes: usize,
@@ -26,7 +26,7 @@ struct Finished {
 /// The results of finished leases that the coordinator has not acknowledged yet.
 #[derive(Debug, Default)]
 pub(super) struct Outbox {
-    finished: BTreeMap<LeaseId, Finished>,
+    finished: BTreeMap<LeaseId, FinishedLease>,
     /// Size of the results, in bytes.
     bytes: usize,
     /// The leases of former workers among them, whose results are in files already.
@@ -39,7 +39,7 @@ impl Outbox {
         let bytes = result.encoded_len();
         self.bytes += bytes;
         let id = lease.id;
-        let finished = Finished {
+        let finished = FinishedLease {
             lease,
             result,
             bytes,

@@ -189,7 +189,7 @@ fn the_shorter_the_leases_the_more_are_held_ahead() {
         }
         held.wanted(2)
     };
-    let wanted = |leases, seconds| Some(Wanted { leases, seconds });
+    let wanted = |leases, seconds| Some(LeaseDemand { leases, seconds });
     assert_eq!(held(0, 0.0), wanted(4000, 4.0));
     assert_eq!(held(2, 1.0), wanted(3998, 2.0));
     assert_eq!(held(4, 1.0), None);

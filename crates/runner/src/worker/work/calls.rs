@@ -17,7 +17,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
 use super::contact::SILENCE;
-use super::registering::Registered;
+use super::registering::Registration;
 use super::{CALL_TIMEOUT, End, Shared};
 use crate::worker::backoff::Backoff;
 use crate::worker::error::Error;
@@ -226,7 +226,11 @@ fn compute(shared: &Shared, lease: &Lease) {
 }
 
 /// Computes a unit. Returns nothing if the unit was stopped before it had a result.
-fn attempt(registered: &Registered, computing: &Computing<'_>, source: &Source) -> Vec<UnitResult> {
+fn attempt(
+    registered: &Registration,
+    computing: &Computing<'_>,
+    source: &Source,
+) -> Vec<UnitResult> {
     let Computing { shared, unit, .. } = computing;
     let go_on = |so_far: &dyn Fn() -> Option<Output>| computing.go_on(so_far);
     let backend = &registered.backend;

@@ -17,7 +17,7 @@ use crate::worker::exec::Backend;
 
 /// The result of a registration.
 #[derive(Debug)]
-pub(super) struct Registered {
+pub(super) struct Registration {
     pub(super) epoch: u64,
     pub(super) problem: Problem,
     /// The simulator of the campaign.
@@ -28,7 +28,7 @@ pub(super) struct Registered {
 
 impl Shared {
     /// Registers. Repeats the call until it succeeds, the `first` time for a limited time.
-    pub(super) async fn register(&self, first: bool) -> Result<Arc<Registered>, Error> {
+    pub(super) async fn register(&self, first: bool) -> Result<Arc<Registration>, Error> {
         let options = &self.options;
         let patience = options.connect_timeout;
         let mut since = Instant::now();
@@ -70,7 +70,7 @@ impl Shared {
                             ),
                             None => self.learn(&response.campaign_json).await?,
                         };
-                        let registered = Arc::new(Registered {
+                        let registered = Arc::new(Registration {
                             epoch: response.epoch,
                             model_digest,
                             problem,
@@ -146,7 +146,7 @@ impl Shared {
         Ok((problem, backend, model_digest))
     }
 
-    pub(super) fn registered(&self) -> Option<Arc<Registered>> {
+    pub(super) fn registered(&self) -> Option<Arc<Registration>> {
         self.problem
             .read()
             .unwrap_or_else(|e| e.into_inner())

@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::protocol::v1::LeaseResult;
-use crate::shards::{Found, Undelivered};
+use crate::shards::{OrphanFile, UndeliveredFile};
 use tracing::{error, info, warn};
 
-use super::registering::Registered;
+use super::registering::Registration;
 use crate::worker::held::HeldLeases;
 
 /// The files of undelivered results.
@@ -22,9 +22,9 @@ pub(super) struct Files {
 #[derive(Debug, Default)]
 struct State {
     /// This worker's file, once there is one.
-    own: Option<Undelivered>,
+    own: Option<UndeliveredFile>,
     /// The files of former workers whose results this one delivers.
-    found: Vec<Found>,
+    found: Vec<OrphanFile>,
 }
 
 impl Files {
@@ -41,12 +41,12 @@ impl Files {
     }
 
     /// Takes up what former workers of the same campaign and simulator left.
-    pub(super) fn take_up(&self, registered: &Registered, held: &HeldLeases) {
+    pub(super) fn take_up(&self, registered: &Registration, held: &HeldLeases) {
         let Some(folder) = &self.folder else {
             return;
         };
         let mut state = self.state();
-        for found in Found::all(folder) {
+        for found in OrphanFile::all(folder) {
             let found = match found {
                 Ok(found) => found,
                 Err(error) => {
@@ -54,7 +54,7 @@ impl Files {
                     continue;
                 }
             };
-            let Found { part, .. } = &found;
+            let OrphanFile { part, .. } = &found;
             let file = part.path.display();
             if !part.header.is_undelivered() {
                 warn!(%file, "this is a part of a shard, which `coordinator merge` stores");
@@ -79,7 +79,7 @@ impl Files {
     /// Writes results that are not in the file yet. Returns false if there is no place for them.
     pub(super) fn keep(
         &self,
-        registered: &Registered,
+        registered: &Registration,
         worker: &str,
         results: Vec<LeaseResult>,
     ) -> bool {
@@ -95,7 +95,7 @@ impl Files {
             None => {
                 let campaign = registered.problem.campaign();
                 let named = (&*campaign.name, &*campaign.digest());
-                Undelivered::create(folder, worker, named, &registered.model_digest)
+                UndeliveredFile::create(folder, worker, named, &registered.model_digest)
             }
         };
         let kept = kept.and_then(|mut own| {
@@ -125,8 +125,8 @@ impl Files {
             true => Vec::new(),
             false => std::mem::take(&mut state.found),
         };
-        let removed = found.into_iter().map(Found::remove);
-        for removed in removed.chain(delivered.map(Undelivered::remove)) {
+        let removed = found.into_iter().map(OrphanFile::remove);
+        for removed in removed.chain(delivered.map(UndeliveredFile::remove)) {
             if let Err(error) = removed {
                 warn!(%error, "a file of delivered results stays");
             }
@@ -137,7 +137,7 @@ impl Files {
     pub(super) fn leave(&self) {
         let state = std::mem::take(&mut *self.state());
         let found = state.found.iter().map(|found| &*found.part.path);
-        let own = state.own.as_ref().map(Undelivered::path);
+        let own = state.own.as_ref().map(UndeliveredFile::path);
         for path in found.chain(own) {
             warn!(
                 file = %path.display(),
