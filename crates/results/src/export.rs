@@ -308,7 +308,7 @@ async fn infill<W: Write + Send>(
         let estimate = estimate
             .filter(|_| is_whole)
             .map(|estimate| estimate.chosen);
-        let mut row = row![point.name, point.round + 1, point.reason];
+        let mut row = row![point.name, point.round + 1, point.reason].to_vec();
         row.extend(numbers(Some(&point.x), 0));
         row.extend(row![
             point.violation,
@@ -346,7 +346,7 @@ async fn optima<W: Write + Send>(
         let found = optimum.found.as_ref().ok();
         let percentile = verified.percentile;
         let interval = percentile.and_then(|percentile| percentile.interval);
-        let mut row = row![problem.approach_name(optimum.approach)];
+        let mut row = row![problem.approach_name(optimum.approach)].to_vec();
         row.extend(numbers(
             found.map(|found| found.design.values()),
             variables.len(),
@@ -362,7 +362,7 @@ async fn optima<W: Write + Send>(
             row.push(difference.into());
         }
         row.extend(numbers(
-            found.map(|found| found.criteria.values()).as_deref(),
+            found.map(|found| found.criteria.values()),
             criteria.len(),
         ));
         row.extend(row![

@@ -188,7 +188,10 @@ mod tests {
 
     #[test]
     fn rows_are_read_back_with_types_and_units() {
-        let rows = [row!["7", 2_u64, 1.5], row!["a,b", 3_u64, None::<f64>]];
+        let rows = [
+            row!["7", 2_u64, 1.5].to_vec(),
+            row!["a,b", 3_u64, None::<f64>].to_vec(),
+        ];
         let file = written(&rows).unwrap();
         let metadata = file.metadata().file_metadata().key_value_metadata();
         let value = |key: &str| {
@@ -217,7 +220,7 @@ mod tests {
     #[test]
     fn a_long_table_has_several_row_groups() {
         let many = ROWS + 3;
-        let file = written(&vec![row!["", 1_u64, 0.25]; many]).unwrap();
+        let file = written(&vec![row!["", 1_u64, 0.25].to_vec(); many]).unwrap();
         assert_eq!(file.metadata().num_row_groups(), 2);
         assert_eq!(file.get_row_iter(None).unwrap().count(), many);
     }

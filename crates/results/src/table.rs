@@ -157,7 +157,7 @@ impl std::fmt::Display for Cell {
 /// A row of cells.
 #[macro_export]
 macro_rules! row {
-    ($($cell:expr),* $(,)?) => { vec![$($crate::table::Cell::from($cell)),*] };
+    ($($cell:expr),* $(,)?) => { [$($crate::table::Cell::from($cell)),*] };
 }
 
 /// A table in memory.
@@ -359,7 +359,10 @@ mod tests {
 
     #[test]
     fn rows_are_the_same_in_both_forms() {
-        let rows = [row!["7", 2_u64, 1.5], row!["a,b", 3_u64, None::<f64>]];
+        let rows = [
+            row!["7", 2_u64, 1.5].to_vec(),
+            row!["a,b", 3_u64, None::<f64>].to_vec(),
+        ];
         assert_eq!(
             written(Format::Csv, &rows).unwrap(),
             "job,lease,p90_um\n7,2,1.5\n\"a,b\",3,\n"
@@ -384,15 +387,15 @@ mod tests {
     #[test]
     fn a_row_that_does_not_fit_is_an_error() {
         for format in [Format::Csv, Format::Json] {
-            assert!(written(format, &[row!["7", 2_u64]]).is_err());
-            let error = written(format, &[row!["7", 2.0, 1.5]]).unwrap_err();
+            assert!(written(format, &[row!["7", 2_u64].to_vec()]).is_err());
+            let error = written(format, &[row!["7", 2.0, 1.5].to_vec()]).unwrap_err();
             assert!(error.to_string().contains("column lease"), "{error}");
         }
     }
 
     #[test]
     fn what_has_no_number_in_json_is_null() {
-        let rows = [row!["7", 2_u64, f64::INFINITY]];
+        let rows = [row!["7", 2_u64, f64::INFINITY].to_vec()];
         assert!(
             written(Format::Json, &rows)
                 .unwrap()

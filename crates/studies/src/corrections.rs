@@ -253,7 +253,7 @@ fn all_figures(campaign: &Campaign, rows: &[Row]) -> Table {
     let mut table = Table::new(columns);
     for row in rows {
         let (found, p90) = row.best.as_ref().map(|(found, p90)| (found, *p90)).unzip();
-        let mut line = row![row.space.name];
+        let mut line = row![row.space.name].to_vec();
         match found {
             Some(found) => line.extend(found.design.values().iter().copied().map(Cell::from)),
             None => line.extend(variables.iter().map(|_| Cell::Missing)),

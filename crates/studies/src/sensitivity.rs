@@ -319,7 +319,7 @@ pub fn write_tables(
     let mut shown = PageTable::new(["scenario", &format!("{percentile}, µm")]);
     for row in scenarios {
         let p90 = &row.p90;
-        let mut line = row![row.parameter, row.factor];
+        let mut line = row![row.parameter, row.factor].to_vec();
         line.extend(percentile_cells(Some(*p90)));
         table.rows.push(line);
         let label = if row.factor == 1.0 {
@@ -390,7 +390,7 @@ fn index_figures(indices: &[Indices]) -> Table {
     for one in indices {
         let found = &one.sensitivity;
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
-            let mut line = row![one.output.as_str(), input.as_str()];
+            let mut line = row![one.output.as_str(), input.as_str()].to_vec();
             for index in [first, total] {
                 line.extend(row![index.value, index.low, index.high]);
             }

@@ -264,7 +264,7 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
     let mut table = Table::new(columns);
     for row in rows {
         let [pinion, mate] = row.teeth;
-        let mut line = row![pinion, mate, row.approach().name()];
+        let mut line = row![pinion, mate, row.approach().name()].to_vec();
         let optimum = &row.verified.optimum;
         let found = optimum.found.as_ref().ok();
         match found {

@@ -131,7 +131,7 @@ mod tests {
         shown.rows.push(vec!["x|y".to_owned(), "1,5".to_owned()]);
         assert_eq!(shown.markdown(), "| a | b |\n|---|---:|\n| x\\|y | 1,5 |\n");
         let mut table = Table::new(vec![Column::text("source"), Column::number("b")]);
-        table.rows.push(row!["x|y", 1.5]);
+        table.rows.push(row!["x|y", 1.5].to_vec());
         let document = Document {
             page: String::new(),
             tables: vec![("t", table)],

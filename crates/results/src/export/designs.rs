@@ -32,7 +32,7 @@ pub(super) async fn write<W: Write + Send>(
         let criteria = of_design.criteria;
         let feasible =
             criteria.and_then(|criteria| known.is_feasible(problem, &design.x, criteria));
-        let mut row = row![design.design];
+        let mut row = row![design.design].to_vec();
         row.extend(numbers(Some(&design.x), 0));
         row.extend(row![
             criteria.map(|criteria| criteria.simulable),

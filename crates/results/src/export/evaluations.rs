@@ -31,7 +31,7 @@ pub(super) async fn write<W: Write + Send>(
         let name = problem.approach_name(approach);
         for start in 0..problem.campaign().optimise.starts {
             for row in store.evaluations(names::run(approach, start), 0).await? {
-                out.write(&cells(problem, row![name, start], row))?;
+                out.write(&cells(problem, row![name, start].to_vec(), row))?;
             }
         }
     }
@@ -44,7 +44,7 @@ pub(super) async fn write<W: Write + Send>(
                 evaluation: point.infill,
                 ..row
             };
-            out.write(&cells(problem, row![name, None::<u64>], row))?;
+            out.write(&cells(problem, row![name, None::<u64>].to_vec(), row))?;
         }
     }
     out.finish()

@@ -291,15 +291,15 @@ impl Steps {
         match optimum.feasible() {
             Some(found) => {
                 info!(
-                    approach,
+                    %approach,
                     criterion = rounded(found.criterion),
                     "optimum chosen"
                 );
                 if !note.is_empty() {
-                    info!(approach, "{note}");
+                    info!(%approach, "{note}");
                 }
             }
-            None => warn!(approach, %note, "no feasible optimum"),
+            None => warn!(%approach, %note, "no feasible optimum"),
         }
         let of = Derived::Optimum(names::verification(optimum.approach));
         let derivation = Derivation::new(&of, inputs);

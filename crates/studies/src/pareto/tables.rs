@@ -109,7 +109,7 @@ fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
     columns.push(Column::whole("on_front"));
     let mut table = Table::new(columns);
     for point in points {
-        let mut line = row![point.source.name()];
+        let mut line = row![point.source.name()].to_vec();
         line.extend(point.variables.values().map(Cell::from));
         line.extend(criteria_cells(Some(&point.criteria)));
         line.extend(percentile_cells(Some(point.p90)));
