@@ -29,7 +29,7 @@
 //!
 //! A failure counts against a sample only while its worker succeeds with other work; see
 //! [`Options::max_failures`] and [`Options::retry_for`]. What fails for good is quarantined, or, of
-//! a stream that [tolerates](Wanted::is_tolerant) it, a result.
+//! a stream that [tolerates](StreamDemand::is_tolerant) it, a result.
 //!
 //! # Invariants
 //!

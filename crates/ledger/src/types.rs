@@ -265,7 +265,7 @@ pub struct Failed {
 pub enum Failure {
     /// The sample, or the stream as a whole, is tried again after this wait.
     Retry(Duration),
-    /// The failure is a result of a [tolerant](Wanted::is_tolerant) stream: its attempts are used
+    /// The failure is a result of a [tolerant](StreamDemand::is_tolerant) stream: its attempts are used
     /// up while others succeed. The caller stores the result and
     /// [settles](crate::Ledger::conclude) it; until then it is tried again.
     Conclusive,
