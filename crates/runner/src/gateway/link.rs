@@ -5,9 +5,9 @@
 //! that try again) interprets a failed call:
 //!
 //! ```no_run
-//! # async fn status(connect: crate::gateway::client::ConnectArguments) -> Result<String, crate::gateway::Error> {
-//! let link = connect.link(crate::gateway::Role::Client)?;
-//! let answer = link.client().status(crate::protocol::v1::StatusRequest {}).await;
+//! # async fn status(connect: runner::gateway::client::ConnectArguments) -> Result<String, runner::gateway::Error> {
+//! let link = connect.link(runner::gateway::Role::Client)?;
+//! let answer = link.client().status(runner::protocol::v1::StatusRequest {}).await;
 //! Ok(answer.map_err(|status| link.error(&status))?.into_inner().status_json)
 //! # }
 //! ```
