@@ -276,7 +276,7 @@ fn what_is_held_from_before_a_restart_is_accepted_though_the_last_of_it_is_store
     assert!(after.is_idle());
     let mut more = units(&grant)[0].clone();
     more.samples = 12..13;
-    assert_eq!(after.accept(&more), Verdict::Stale, "nobody wanted it");
+    assert_eq!(after.accept(&more), Verdict::Stale, "it was not wanted");
 }
 
 #[test]
