@@ -10,7 +10,7 @@ use serde_json::Value;
 fn campaign(sandbox: &Sandbox) -> PathBuf {
     let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 700000\n\
                    rounds = 3\npoints_per_round = 5\nsamples_per_point = 40000\n\
-                   tolerance_um = 0.001\n";
+                   tolerance = 0.001\n";
     sandbox.write("enriched.toml", &(small_campaign(80, 10) + section))
 }
 
@@ -115,7 +115,7 @@ fn an_enrichment_can_be_added_to_a_campaign_that_has_finished() {
     assert!(before["enrichment"].is_null());
 
     let section = "\n[enrichment]\ncriterion = \"knowledge-gradient\"\nsamples = 560\nrounds = 2\n\
-                   points_per_round = 3\nsamples_per_point = 10\ntolerance_um = 0.01\n";
+                   points_per_round = 3\nsamples_per_point = 10\ntolerance = 0.01\n";
     let enriched = sandbox.write("enriched.toml", &(small + section));
     let check = sandbox.coordinator(&["check", enriched.to_str().unwrap()]);
     assert_code(&check, 0);

@@ -14,7 +14,7 @@ const PROMPTLY: Duration = Duration::from_secs(8);
 fn campaign() -> String {
     let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
                    samples = 20000\nrounds = 1\npoints_per_round = 4\nsamples_per_point = 10\n\
-                   tolerance_um = 0.001\n";
+                   tolerance = 0.001\n";
     changed(&small_campaign(1200, 4), &[("\"random\"", "\"maximin\"")]) + section
 }
 

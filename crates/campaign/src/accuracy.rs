@@ -171,7 +171,7 @@ impl CampaignFile {
             "sampling",
             &[
                 "samples_per_design",
-                "precision_um",
+                "precision",
                 "samples_max",
                 "percentile",
                 "control",
@@ -488,7 +488,7 @@ mod tests {
         let with = |section: &str| parse(&(text(0.2) + section)).choice.unwrap();
         let enriched = with(
             "[enrichment]\ncriterion = \"knowledge-gradient\"\nsamples = 1000\nrounds = 5\npoints_per_round = 5\n\
-             samples_per_point = 30\ntolerance_um = 0.01\n",
+             samples_per_point = 30\ntolerance = 0.01\n",
         );
         assert_eq!(
             enriched.estimator.coefficients,

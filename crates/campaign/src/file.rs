@@ -5,7 +5,6 @@
 
 mod accuracy;
 mod advice;
-mod alias;
 mod bounds;
 mod campaign;
 mod changes;

@@ -168,7 +168,7 @@ pub fn options(
         samples_more: section.samples_per_point,
         samples_left,
         rounds: section.rounds as usize,
-        delta_um: section.tolerance_um,
+        delta_um: section.tolerance,
         // The following settings were chosen on the problem of campaigns/wear.toml, over ten seeds.
         quantile_z: 0.84,
         global_every: 6,

@@ -193,12 +193,12 @@ mod tests {
 
     use super::*;
 
-    fn sampling(precision_um: Option<f64>) -> Sampling {
+    fn sampling(precision: Option<f64>) -> Sampling {
         Sampling {
             samples_per_design: 10,
             level: 0.9,
-            precision_um,
-            samples_max: precision_um.map(|_| 60),
+            precision,
+            samples_max: precision.map(|_| 60),
             skip_violation: None,
             percentile: Some(PercentileRule::Normal),
             control: campaign::file::ControlVariate::None,

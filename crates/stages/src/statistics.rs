@@ -135,11 +135,11 @@ mod tests {
     use super::*;
 
     /// A campaign of ten samples a design, with this precision in µm.
-    fn problem(precision_um: Option<f64>) -> Problem {
+    fn problem(precision: Option<f64>) -> Problem {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.sampling.samples_per_design = 10;
-        campaign.sampling.precision_um = precision_um;
-        campaign.sampling.samples_max = precision_um.map(|_| 60);
+        campaign.sampling.precision = precision;
+        campaign.sampling.samples_max = precision.map(|_| 60);
         Problem::new(campaign)
     }
 

@@ -91,7 +91,7 @@ impl Kind {
                 vec![if is_even { text } else { text + section }]
             }
             Self::Precise => {
-                let precision = "precision_um = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
+                let precision = "precision = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
                                  percentile = \"chosen\"\nsamples_per_design = 1500 ";
                 let text = small_campaign(40, 1500);
                 vec![law(
@@ -102,7 +102,7 @@ impl Kind {
             Self::Enriched => {
                 let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
                                samples = 600000\nrounds = 3\npoints_per_round = 4\n\
-                               samples_per_point = 25000\ntolerance_um = 0.001\n";
+                               samples_per_point = 25000\ntolerance = 0.001\n";
                 vec![bounds(small_campaign(60, 1000) + section, is_even)]
             }
             Self::Grown => {
@@ -184,7 +184,7 @@ fn shipped(example: &str) -> String {
 fn external(is_precise: bool) -> String {
     let text = shipped("external");
     let samples = if is_precise {
-        "samples_per_design = 120\nprecision_um = 0.005\nsamples_max = 360\n\
+        "samples_per_design = 120\nprecision = 0.005\nsamples_max = 360\n\
          skip_violation = 5.0"
     } else {
         "samples_per_design = 200"

@@ -77,13 +77,13 @@ mod tests {
         let ours = parse(&[
             ("seed = 2009", "seed = 7"),
             ("pinion_torque_nm = 200.0", "pinion_torque_nm = 210.0"),
-            ("[sampling]\n", "[sampling]\nprecision_um = 0.05\n"),
+            ("[sampling]\n", "[sampling]\nprecision = 0.05\n"),
         ]);
         assert_eq!(
             ours.changes_from(&held),
             [
                 "load.pinion_torque_nm: 200.0 there, 210.0 here",
-                "sampling.precision_um: not given there, 0.05 here",
+                "sampling.precision: not given there, 0.05 here",
                 "seed: 2009 there, 7 here",
             ]
         );

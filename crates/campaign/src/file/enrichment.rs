@@ -10,7 +10,6 @@ use super::validate::Source;
 /// `[enrichment]`, optional: infill points in rounds, on top of the DoE.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(transform = super::alias::of_tolerance)]
 pub struct Enrichment {
     /// The infill criterion: the value of an observation.
     pub criterion: Criterion,
@@ -22,9 +21,9 @@ pub struct Enrichment {
     pub points_per_round: u32,
     /// Samples of a new design, and of each repetition at an existing one.
     pub samples_per_point: u32,
-    /// Tolerance δ of the stopping rule, µm: the enrichment ends when it expects to gain less.
-    #[serde(alias = "tolerance")]
-    pub tolerance_um: f64,
+    /// Tolerance δ of the stopping rule, in the response's unit: the enrichment ends when it expects to gain
+    /// less.
+    pub tolerance: f64,
 }
 
 impl Enrichment {
@@ -45,7 +44,7 @@ impl Enrichment {
             4,
             1_000_000,
         )?;
-        source.positive("enrichment.tolerance_um", self.tolerance_um)
+        source.positive("enrichment.tolerance", self.tolerance)
     }
 
     /// Whether this section is `held` with the same or a larger budget.
@@ -103,9 +102,9 @@ mod tests {
                 "enrichment.samples_per_point",
             ),
             (
-                "tolerance_um = 0.003 ",
-                "tolerance_um = 0.0 ",
-                "enrichment.tolerance_um",
+                "tolerance = 0.003 ",
+                "tolerance = 0.0 ",
+                "enrichment.tolerance",
             ),
             (
                 "criterion = \"expected-quantile-improvement\"",
@@ -139,7 +138,7 @@ mod tests {
         without.enrichment = None;
         assert!(held.extends(&without) && !without.extends(&held));
         let mut other = held.clone();
-        other.enrichment.as_mut().unwrap().tolerance_um = 0.1;
+        other.enrichment.as_mut().unwrap().tolerance = 0.1;
         assert!(!other.extends(&held));
     }
 }

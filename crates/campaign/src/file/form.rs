@@ -1,6 +1,5 @@
 //! The campaign file as it is written, with one form for each kind of problem.
 
-use cmaes::Restarts;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -63,7 +62,10 @@ pub(crate) struct GearFile {
     kriging: Kriging,
     #[serde(default)]
     constraints: GearLimits,
-    optimise: PenalisedOptimise,
+    #[serde(default)]
+    optimise: Optimise,
+    #[serde(default)]
+    penalty: Penalty,
     #[serde(default)]
     verify: Verify,
     report: Report,
@@ -73,38 +75,6 @@ pub(crate) struct GearFile {
     corrections: Option<CorrectionsSection>,
     #[serde(default)]
     accuracy: AccuracySection,
-}
-
-/// `[optimise]`: the settings of CMA-ES and of the penalised objective.
-#[derive(Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct PenalisedOptimise {
-    /// Number λ of candidates per generation.
-    population: u32,
-    /// Number µ of candidates that are selected.
-    parents: u32,
-    /// Initial step size, as a fraction of each variable's range.
-    step: f64,
-    /// Number of evaluations per start.
-    evaluations: u32,
-    /// How a search that has stopped restarts.
-    #[serde(default)]
-    restarts: Restarts,
-    /// Number of evaluations after which the search restarts from its best point whatever its
-    /// state; given with `"from-best"` and only then.
-    restart_at: Option<u32>,
-    /// Number of independent runs.
-    starts: u32,
-    /// Whether a further approach optimises the sampled percentile itself, without a model: each
-    /// feasible design gets as many samples as a design of the DoE.
-    #[serde(default)]
-    direct: bool,
-    /// Weight p of a constraint's relative violation in the penalised objective.
-    penalty: f64,
-    /// Divisor of the criterion in the penalised objective, µm.
-    reference_um: f64,
-    /// Objective of a design that cannot be simulated.
-    failure_value: f64,
 }
 
 /// The file of a campaign with an external problem.
@@ -215,19 +185,6 @@ impl From<Form> for Campaign {
 
 impl From<GearFile> for Campaign {
     fn from(file: GearFile) -> Self {
-        let PenalisedOptimise {
-            population,
-            parents,
-            step,
-            evaluations,
-            restarts,
-            restart_at,
-            starts,
-            direct,
-            penalty,
-            reference_um,
-            failure_value,
-        } = file.optimise;
         let sections = GearSections {
             pair: file.pair,
             load: file.load,
@@ -237,11 +194,7 @@ impl From<GearFile> for Campaign {
             bounds: file.bounds,
             frozen: file.frozen,
             constraints: file.constraints,
-            penalty: Penalty {
-                weight: penalty,
-                reference_um,
-                failure_value,
-            },
+            penalty: file.penalty,
             report: file.report,
             corrections: file.corrections,
             grid: file.accuracy.into(),
@@ -253,16 +206,7 @@ impl From<GearFile> for Campaign {
             doe: file.doe,
             sampling: file.sampling,
             kriging: file.kriging,
-            optimise: Optimise {
-                population,
-                parents,
-                step,
-                evaluations,
-                restarts,
-                restart_at,
-                starts,
-                direct,
-            },
+            optimise: file.optimise,
             verify: file
                 .verify
                 .resolved(file.simulator.kind == SimulatorKind::External),
@@ -331,19 +275,8 @@ impl From<Campaign> for Form {
                 sampling,
                 kriging,
                 constraints: sections.constraints,
-                optimise: PenalisedOptimise {
-                    population: optimise.population,
-                    parents: optimise.parents,
-                    step: optimise.step,
-                    evaluations: optimise.evaluations,
-                    restarts: optimise.restarts,
-                    restart_at: optimise.restart_at,
-                    starts: optimise.starts,
-                    direct: optimise.direct,
-                    penalty: sections.penalty.weight,
-                    reference_um: sections.penalty.reference_um,
-                    failure_value: sections.penalty.failure_value,
-                },
+                optimise,
+                penalty: sections.penalty,
                 verify,
                 report: sections.report,
                 simulator,

@@ -40,15 +40,26 @@ pub struct GearSections {
     pub grid: gear::Discretisation,
 }
 
-/// The penalised objective (5) of the paper.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// `[penalty]`: the penalised objective (5) of the paper.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
 pub struct Penalty {
     /// Weight p of a constraint's relative violation.
     pub weight: f64,
-    /// Reference Δ_ref, in µm.
+    /// Divisor Δ_ref of the criterion, µm.
     pub reference_um: f64,
     /// Objective of a design that is not simulable.
     pub failure_value: f64,
+}
+
+impl Default for Penalty {
+    fn default() -> Self {
+        Self {
+            weight: 10.0,
+            reference_um: 0.5,
+            failure_value: 100.0,
+        }
+    }
 }
 
 /// `[pair]` of a campaign: the values common to all its designs.
@@ -138,9 +149,9 @@ impl GearSections {
             "false when simulator.kind is \"external\": the paper's figures are compared with the \
              built-in model's",
         )?;
-        source.positive("optimise.penalty", self.penalty.weight)?;
-        source.positive("optimise.reference_um", self.penalty.reference_um)?;
-        source.positive("optimise.failure_value", self.penalty.failure_value)
+        source.positive("penalty.weight", self.penalty.weight)?;
+        source.positive("penalty.reference_um", self.penalty.reference_um)?;
+        source.positive("penalty.failure_value", self.penalty.failure_value)
     }
 }
 

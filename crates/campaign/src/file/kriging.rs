@@ -40,10 +40,10 @@ impl Kriging {
         sampling: &Sampling,
     ) -> Result<(), FileError> {
         source.require(
-            self.noise == Noise::Own || sampling.precision_um.is_none(),
+            self.noise == Noise::Own || sampling.precision.is_none(),
             "kriging.noise",
             self.noise,
-            "\"own\" beside sampling.precision_um, which gives designs different numbers of samples",
+            "\"own\" beside sampling.precision, which gives designs different numbers of samples",
         )?;
         if self.method == Method::Vecchia {
             source.require(
@@ -145,7 +145,7 @@ mod tests {
         assert!(with("method = \"dense\"").is_err());
         assert!(with("method = \"vecchia\"\nnugget = \"estimated\"").is_ok());
         let precise = Campaign::PAPER
-            .replace("# precision_um", "precision_um")
+            .replace("# precision", "precision")
             .replace("# samples_max", "samples_max")
             .replace("[kriging]\n", "[kriging]\nnoise = \"smoothed\"\n");
         let error = Campaign::parse("paper.toml", &precise).unwrap_err();

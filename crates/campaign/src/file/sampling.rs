@@ -10,7 +10,6 @@ use super::{Aim, FailedSamples, FileError};
 /// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(transform = super::alias::of_precision)]
 pub struct Sampling {
     /// Number k of response samples per simulable design. With a precision, the size of the first
     /// batch.
@@ -18,9 +17,9 @@ pub struct Sampling {
     #[serde(default)]
     #[schemars(extend("default" = null))]
     pub samples_per_design: u32,
-    /// Target standard error of P90, in µm: each design gets samples until it is reached.
-    #[serde(alias = "precision")]
-    pub precision_um: Option<f64>,
+    /// Target standard error of the percentile, in the response's unit: each design gets samples until it is
+    /// reached.
+    pub precision: Option<f64>,
     /// Maximum number of samples of a design, with a precision.
     pub samples_max: Option<u32>,
     /// Constraint violation, summed as in the paper's (5), above which a design gets no samples. If absent,
@@ -155,7 +154,7 @@ impl Sampling {
     #[must_use]
     pub fn rule(&self) -> Option<SequentialRule> {
         let normal = self.normal();
-        self.precision_um.map(|precision| SequentialRule {
+        self.precision.map(|precision| SequentialRule {
             precision,
             batch: self.samples_per_design as usize,
             most: self.samples_max() as usize,
@@ -168,7 +167,7 @@ impl Sampling {
     #[must_use]
     pub fn samples_max(&self) -> u32 {
         let k = self.samples_per_design;
-        match self.precision_um {
+        match self.precision {
             Some(_) => self.samples_max.unwrap_or(Self::SAMPLES_MAX).max(k),
             None => k,
         }
@@ -180,7 +179,7 @@ impl Sampling {
     #[must_use]
     pub fn skip_violation(&self) -> Option<f64> {
         self.skip_violation
-            .or_else(|| self.precision_um.map(|_| 0.0))
+            .or_else(|| self.precision.map(|_| 0.0))
     }
 
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
@@ -205,9 +204,9 @@ impl Sampling {
             "\"paper\" or \"normal\" with a control variate, whose percentile is a normal one",
         )?;
         source.require(
-            plain || self.precision_um.is_none(),
-            "sampling.precision_um",
-            self.precision_um,
+            plain || self.precision.is_none(),
+            "sampling.precision",
+            self.precision,
             "left out beside a control variate, with which samples_per_design samples are as good as \
              thousands",
         )?;
@@ -224,15 +223,15 @@ impl Sampling {
             self.level,
             "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
         )?;
-        if let Some(precision) = self.precision_um {
-            source.positive("sampling.precision_um", precision)?;
+        if let Some(precision) = self.precision {
+            source.positive("sampling.precision", precision)?;
         }
         if let Some(most) = self.samples_max {
             source.require(
-                self.precision_um.is_some(),
+                self.precision.is_some(),
                 "sampling.samples_max",
                 most,
-                "left out, or beside sampling.precision_um: without a precision every design gets \
+                "left out, or beside sampling.precision: without a precision every design gets \
                  samples_per_design samples",
             )?;
             source.count(
@@ -284,8 +283,8 @@ impl Sampling {
                  depend on each other",
             ),
             (
-                self.precision_um.is_none(),
-                "\"independent\" beside precision_um, with which samples come in batches of any size",
+                self.precision.is_none(),
+                "\"independent\" beside precision, with which samples come in batches of any size",
             ),
             (
                 rule.harrell_davis().is_none(),
@@ -362,10 +361,10 @@ mod tests {
 
     #[test]
     fn a_precision_rules_out_what_breaks_a_constraint_unless_told_otherwise() {
-        let sampling = parse("precision_um = 0.05").unwrap().sampling;
+        let sampling = parse("precision = 0.05").unwrap().sampling;
         assert_eq!(sampling.skip_violation(), Some(0.0));
         assert_eq!(sampling.samples_max(), 1000);
-        let sampling = parse("precision_um = 0.05\nskip_violation = 0.5\nsamples_max = 90");
+        let sampling = parse("precision = 0.05\nskip_violation = 0.5\nsamples_max = 90");
         let sampling = sampling.unwrap().sampling;
         assert_eq!(sampling.skip_violation(), Some(0.5));
         let rule = sampling.rule().unwrap();
@@ -390,24 +389,24 @@ mod tests {
                 "sampling.coefficients is \"antithetic\"",
             ),
             (
-                "coefficients = \"antithetic\"\nprecision_um = 0.1",
+                "coefficients = \"antithetic\"\nprecision = 0.1",
                 "sampling.coefficients is \"antithetic\"",
             ),
             (
                 "coefficients = \"antithetic\"\npercentile = \"chosen\"",
                 "sampling.coefficients is \"antithetic\"",
             ),
-            ("precision_um = 0.0", "sampling.precision_um is 0.0"),
+            ("precision = 0.0", "sampling.precision is 0.0"),
             ("samples_max = 50", "sampling.samples_max is 50"),
             (
-                "precision_um = 1.0\nsamples_max = 29",
+                "precision = 1.0\nsamples_max = 29",
                 "a whole number from 30",
             ),
             ("skip_violation = -0.1", "sampling.skip_violation is -0.1"),
             ("percentile = \"median\"", "percentile"),
             (
-                "precision_um = 0.1\ncontrol = \"linearised\"",
-                "sampling.precision_um is 0.1",
+                "precision = 0.1\ncontrol = \"linearised\"",
+                "sampling.precision is 0.1",
             ),
             (
                 "percentile = \"chosen\"\ncontrol = \"linearised\"",

@@ -33,7 +33,7 @@ pub struct Optimise {
     /// How a search that has stopped restarts.
     pub restarts: Restarts,
     /// Number of evaluations after which the search restarts from its best point whatever its
-    /// state; given with `"from-best"` and only then.
+    /// state; given with `restarts = "from-best"` and only then.
     pub restart_at: Option<u32>,
     /// Number of independent runs.
     pub starts: u32,
@@ -202,8 +202,8 @@ impl Optimise {
                 return Err(source.refuse(
                     key,
                     at,
-                    "absent when restarts is \"ipop\" or \"bipop\", which restart when a search \
-                     has stopped",
+                    "absent when restarts is \"ipop\" (if absent) or \"bipop\", which restart when a search \
+                     has stopped; beside \"from-best\" it is given",
                 ));
             }
             (_, None) => {}

@@ -1,11 +1,13 @@
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 
-use ledger::Kind;
+use ledger::{Generation, Kind, Unit};
+use stats::streams::stream;
 
 use super::*;
 use crate::Campaign;
-use crate::simulator::{Analysis, Simulator};
+use crate::formulation::Problem;
+use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 

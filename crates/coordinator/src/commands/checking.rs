@@ -109,7 +109,7 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
         ),
         (
             Stage::Sample,
-            match campaign.sampling.precision_um {
+            match campaign.sampling.precision {
                 None => format!("{n} designs, at most {} samples", n * k),
                 Some(precision) => format!(
                     "{n} designs, from {k} to {} samples, for {precision} µm",
@@ -196,7 +196,7 @@ fn beyond_one_store(samples: f64) -> Option<String> {
     (samples > STORED).then(|| {
         format!(
             "the campaign has up to {samples:.1e} samples, and one coordinator with its store holds about \
-             {STORED:.0e}: sampling.control = \"linearised\" or sampling.precision_um needs fewer samples, or make \
+             {STORED:.0e}: sampling.control = \"linearised\" or sampling.precision needs fewer samples, or make \
              several campaigns of it with parts of the bounds"
         )
     })

@@ -207,7 +207,7 @@ fn settings(own: &Sampling, rule: PercentileRule, level: f64) -> Sampling {
         control: ControlVariate::None,
         coefficients: WearCoefficients::Independent,
         group: None,
-        precision_um: None,
+        precision: None,
         samples_max: None,
         counts_above: false,
         ..*own

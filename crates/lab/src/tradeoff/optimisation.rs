@@ -175,7 +175,7 @@ fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
         rounds: 100,
         points_per_round: 24,
         samples_per_point: 36,
-        tolerance_um: 0.003,
+        tolerance: 0.003,
     });
     campaign
 }

@@ -311,7 +311,7 @@ fn with(
         control,
         coefficients,
         group: (coefficients == WearCoefficients::QuasiRandom).then_some(GROUP),
-        precision_um: None,
+        precision: None,
         samples_max: None,
         ..*own
     }

@@ -114,7 +114,7 @@ impl OfDesign<'_> {
         let (samples, wanted) = (self.samples, u64::from(sampling.samples_per_design));
         // A design that was quarantined before it reached the precision has a response of the samples
         // that it got.
-        let is_precise = sampling.precision_um.is_none_or(|precision| {
+        let is_precise = sampling.precision.is_none_or(|precision| {
             samples >= u64::from(sampling.samples_max())
                 || self
                     .response
@@ -145,9 +145,9 @@ mod tests {
 
     use super::*;
 
-    fn sampling(precision_um: Option<f64>) -> Sampling {
+    fn sampling(precision: Option<f64>) -> Sampling {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        campaign.sampling.precision_um = precision_um;
+        campaign.sampling.precision = precision;
         campaign.sampling
     }
 

@@ -347,7 +347,7 @@ pub struct Enrichment {
     /// The rounds, in their order.
     pub rounds: Vec<EnrichmentRound>,
     /// δ of the stopping rule, µm.
-    pub tolerance_um: f64,
+    pub tolerance: f64,
     /// Why the enrichment ended, in a sentence; empty while it goes on.
     pub stop: String,
     /// Samples of the DoE that the first round rests on.

@@ -81,7 +81,7 @@ pub fn rounds(
     Ok(Some(Enrichment {
         unit: problem.sampled().unit.to_string(),
         rounds,
-        tolerance_um: section.tolerance_um,
+        tolerance: section.tolerance,
         stop,
         doe_samples: 0,
         verified_um: verified.map(|verified| verified.value),

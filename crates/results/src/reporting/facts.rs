@@ -91,7 +91,7 @@ fn ruled_out(snapshot: &Snapshot) -> Option<(String, String)> {
 /// What sampling to a precision came to.
 fn precision(snapshot: &Snapshot) -> Option<(String, String)> {
     let sampling = &snapshot.problem.campaign().sampling;
-    let precision = sampling.precision_um?;
+    let precision = sampling.precision?;
     let reached = |row: &&store::ResponseRow| row.percentile_variance.sqrt() <= precision;
     let reached = snapshot.responses.iter().filter(reached).count();
     Some((

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use campaign::optimise::Answer;
 use campaign::simulator::Analysis;
-use campaign::task::{Candidate, Computed, Evaluation, Failure, Output, Run, Source};
+use campaign::task::{Candidate, Evaluation, Failure, Outcome, Output, Run, Source};
 use campaign::{Approach, Criteria, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
 
@@ -252,7 +252,7 @@ pub fn result(
 
 /// The messages of what a unit came to: of its output, and of the failure that ended it.
 #[must_use]
-pub fn results(unit: &Unit, computed: &Computed, cpu_seconds: f64) -> Vec<v1::UnitResult> {
+pub fn results(unit: &Unit, computed: &Outcome, cpu_seconds: f64) -> Vec<v1::UnitResult> {
     let output = computed.output.clone().map(Some);
     let output = output.map(|output| result(unit, &Ok(output), cpu_seconds));
     let failure = computed.failure.as_ref().map(|Failure { sample, error }| {

@@ -32,7 +32,7 @@ fn campaign_file() -> String {
         ("samples = 18000 ", &*format!("samples = {BUDGET} ")),
         ("points_per_round = 24 ", "points_per_round = 5 "),
         ("samples_per_point = 36 ", "samples_per_point = 12 "),
-        ("tolerance_um = 0.003 ", "tolerance_um = 0.01 "),
+        ("tolerance = 0.003 ", "tolerance = 0.01 "),
         ("compare_with_paper = true", "compare_with_paper = false"),
     ] {
         assert!(text.contains(from), "{from}");

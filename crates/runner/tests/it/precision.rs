@@ -21,7 +21,7 @@ fn campaign_file() -> String {
         (
             "samples_per_design = 10 ",
             &*format!(
-                "samples_per_design = {FIRST}\nprecision_um = 0.05\nsamples_max = 60\n\
+                "samples_per_design = {FIRST}\nprecision = 0.05\nsamples_max = 60\n\
                  skip_violation = 2.0 "
             ),
         ),

@@ -53,15 +53,18 @@ fn the_kind_of_design_is_named_and_its_default_changes_no_digest() {
 }
 
 #[test]
-fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
-    const KEY: &str = "restart_at = 6000 ";
+fn the_kind_of_restarts_is_named() {
     let paper = Campaign::parse("c.toml", Campaign::PAPER).unwrap();
     let with = |lines: &str| {
-        let text = Campaign::PAPER.replacen(KEY, &format!("{lines} "), 1);
+        let (before, rest) = Campaign::PAPER.split_once("restarts = ").unwrap();
+        let (_, after) = rest.split_once("starts = 3").unwrap();
+        let text = format!("{before}{lines}\nstarts = 3{after}");
         Campaign::parse("c.toml", &text).map_err(|error| error.to_string())
     };
-    let named = with("restarts = \"from-best\"\nrestart_at = 6000").unwrap();
-    assert_eq!(named.digest(), paper.digest());
+    let same = with("restarts = \"from-best\"\nrestart_at = 6000").unwrap();
+    assert_eq!(same.digest(), paper.digest());
+    let absent = with("").unwrap();
+    assert_eq!(absent.optimise.restarts, cmaes::Restarts::Ipop);
     for name in ["ipop", "bipop"] {
         let other = with(&format!("restarts = {name:?}")).unwrap();
         assert_ne!(other.digest(), paper.digest());
@@ -75,8 +78,15 @@ fn the_kind_of_restarts_is_named_and_its_default_changes_no_digest() {
         );
     }
     for (lines, says) in [
-        ("", "optimise.restart_at is missing"),
-        ("restart_at = 12001", "a whole number from 1 to 12000"),
+        (
+            "restarts = \"from-best\"",
+            "optimise.restart_at is missing",
+        ),
+        (
+            "restarts = \"from-best\"\nrestart_at = 12001",
+            "a whole number from 1 to 12000",
+        ),
+        ("restart_at = 6000", "restarts is \"ipop\""),
         ("restarts = \"best\"", "optimise.restarts is \"best\""),
     ] {
         let error = with(lines).unwrap_err();

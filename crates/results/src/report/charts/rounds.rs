@@ -49,7 +49,7 @@ pub(crate) fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, E
         .map(|round| [round.round as f64, round.expected_improvement])
         .collect();
     let last = enrichment.rounds.last().map_or(1.0, |r| r.round as f64);
-    let tolerance = enrichment.tolerance_um;
+    let tolerance = enrichment.tolerance;
     let series = vec![
         Series {
             name: Some("tolerance".to_owned()),

@@ -117,7 +117,7 @@ fn enrichment() -> Enrichment {
     Enrichment {
         unit: "µm".to_owned(),
         rounds: rounds.collect(),
-        tolerance_um: 0.01,
+        tolerance: 0.01,
         stop: "The enrichment has converged.".to_owned(),
         doe_samples: 10_500,
         verified_um: Some(1.35),

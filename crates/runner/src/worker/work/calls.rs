@@ -9,7 +9,7 @@ use crate::gateway::link::cause;
 use crate::protocol::v1::{
     self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult,
 };
-use campaign::task::{Computed, Failure, Output, Source, compute_until};
+use campaign::task::{Failure, Outcome, Output, Source, compute_until};
 use ledger::{LeaseId, Unit};
 use rustix::time::{ClockId, clock_gettime};
 use tokio::sync::mpsc::UnboundedReceiver;
@@ -245,7 +245,7 @@ fn attempt(
             unit.stream
         );
         let sample = None;
-        (Computed::from(Failure { sample, error }), 0.0)
+        (Outcome::from(Failure { sample, error }), 0.0)
     });
     // The time of an external program is not CPU time of this thread.
     let cpu_seconds = thread_seconds() - computing.before + program_seconds;

@@ -1,0 +1,391 @@
+//! The computation of a unit: the same output wherever, and however often, it runs.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use ledger::{Kind, StreamId, Unit};
+use stats::streams::{Purpose, stream};
+
+use super::{Candidate, Evaluation, FIRST_INFILL, Failure, Outcome, Output, Source, VERIFICATION};
+use crate::formulation::{Approach, Criteria, Design, Problem};
+use crate::optimise;
+use crate::simulator::{NoAnswer, Prepared, Simulator, State};
+
+/// The short name of the reason for a candidate or a design whose evaluation failed.
+pub const FAILED: &str = "failed";
+
+/// The reason for a candidate or a design whose evaluation failed with this error.
+#[must_use]
+pub fn failed(stream: StreamId, evaluation: u32, error: &str) -> String {
+    let line = error.lines().next().unwrap_or_default();
+    let cause = line.strip_prefix(&*of_evaluation(stream, evaluation));
+    let cause = cause.or_else(|| line.strip_prefix(&*format!("{stream}: ")));
+    format!("{FAILED}: {}", cause.unwrap_or(line))
+}
+
+/// The beginning of an evaluation's error.
+fn of_evaluation(stream: StreamId, evaluation: u32) -> String {
+    format!("{stream}, evaluation {evaluation}: ")
+}
+
+/// The short name of the reason for a design on which the simulator panicked.
+pub const SIMULATOR_PANIC: &str = "simulator-panic";
+/// The short name of the reason for a design that its constraints rule out.
+pub const RULED_OUT: &str = "ruled-out";
+/// The short name of the reason for a design with a result that is not a number.
+pub const NOT_A_NUMBER: &str = "not-a-number";
+
+/// Decides whether to continue; called before every sample and candidate, and before every
+/// generation of a run. The argument returns what is finished by then, as an output that could be
+/// reported.
+pub type KeepGoing<'a> = dyn Fn(&dyn Fn() -> Option<Output>) -> bool + 'a;
+
+/// Computes a unit.
+///
+/// # Errors
+///
+/// A sentence for the record of failures: the simulator failed, or refused a point, or the kriging
+/// model cannot be read. A design of the DoE that is not simulable is an output, not an error.
+pub fn compute(simulator: &dyn Simulator, unit: &Unit, source: &Source) -> Result<Output, String> {
+    let computed = compute_until(simulator, unit, source, &|_| true);
+    if let Some(failure) = computed.failure {
+        return Err(failure.error);
+    }
+    let output = computed.output;
+    output.ok_or_else(|| "nothing was asked for".to_owned())
+}
+
+/// Computes a unit until `keep_going`, which is called before every sample, returns false, or until
+/// something fails.
+///
+/// Whether a design is refused does not depend on how its samples are cut: the analyses decide, and
+/// they are the same for every unit. A sample for which the simulator panics or gives an
+/// implausible number is a failure that names the sample.
+pub fn compute_until(
+    simulator: &dyn Simulator,
+    unit: &Unit,
+    source: &Source,
+    keep_going: &KeepGoing<'_>,
+) -> Outcome {
+    let stream = unit.stream;
+    let whole = |error: String| {
+        Outcome::from(Failure {
+            sample: None,
+            error,
+        })
+    };
+    match source {
+        Source::Design(wanted) => design(simulator, wanted, unit, keep_going),
+        Source::Point(wanted) => {
+            let prepared = guarded(|| simulator.prepare(wanted));
+            let mut design = match prepared {
+                Ok(Ok(design)) => design,
+                Ok(Err(error)) => return whole(format!("{stream}: {error}")),
+                Err(panic) => return whole(format!("{stream}: {SIMULATOR_PANIC}: {panic}")),
+            };
+            let (purpose, number) = VERIFICATION;
+            let names = Names {
+                seed: simulator.problem().campaign().seed,
+                purpose,
+                design: match stream.index {
+                    infill @ FIRST_INFILL.. => infill,
+                    _ => number,
+                },
+                // Independent samples, so that all approaches are verified alike.
+                coefficients: stats::Sampling::Independent,
+            };
+            let output =
+                |samples: &[f64]| (!samples.is_empty()).then(|| Output::Samples(samples.to_vec()));
+            let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+            let problem = simulator.problem();
+            let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
+            Outcome {
+                output: output(&samples),
+                failure,
+            }
+        }
+        Source::Run(run) => match optimise::run_while(simulator, run, &|| keep_going(&|| None)) {
+            Ok(result) => Outcome {
+                output: result.map(|result| Output::Run(Box::new(result))),
+                failure: None,
+            },
+            Err(error) => whole(error),
+        },
+        Source::Candidates(candidates) => evaluate(simulator, unit, candidates, keep_going),
+    }
+}
+
+/// Evaluates the candidates that a unit covers, for a run or an infill point.
+fn evaluate(
+    simulator: &dyn Simulator,
+    unit: &Unit,
+    candidates: &[Candidate],
+    keep_going: &KeepGoing<'_>,
+) -> Outcome {
+    let approach = match unit.stream.kind {
+        // An infill point, whose constraints are evaluated before it is sampled.
+        Kind::Point => Some(Approach::EnrichedKriging),
+        _ => Approach::numbered(unit.stream.run_parts().0.into()),
+    };
+    let Some(approach) = approach else {
+        return Outcome::from(Failure {
+            sample: None,
+            error: format!("{}: no such approach", unit.stream),
+        });
+    };
+    let mut evaluated = Vec::with_capacity(unit.samples.len());
+    let output = |evaluated: &[Evaluation]| {
+        (!evaluated.is_empty()).then(|| Output::Evaluations(evaluated.to_vec()))
+    };
+    for evaluation in unit.samples.clone() {
+        if !keep_going(&|| output(&evaluated)) {
+            break;
+        }
+        let mut wanted = candidates.iter();
+        let candidate = wanted.find(|one| one.evaluation == evaluation);
+        let answered = match candidate {
+            Some(candidate) => evaluate_one(simulator, approach, candidate),
+            None => Err("the lease has no such candidate".to_owned()),
+        };
+        match answered {
+            Ok(one) => evaluated.push(one),
+            Err(error) => {
+                let error = of_evaluation(unit.stream, evaluation) + &error;
+                return Outcome {
+                    output: output(&evaluated),
+                    failure: Some(Failure {
+                        sample: Some(evaluation),
+                        error,
+                    }),
+                };
+            }
+        }
+    }
+    Outcome {
+        output: output(&evaluated),
+        failure: None,
+    }
+}
+
+fn evaluate_one(
+    simulator: &dyn Simulator,
+    approach: Approach,
+    candidate: &Candidate,
+) -> Result<Evaluation, String> {
+    let design = &candidate.design;
+    let answer = || optimise::answer(simulator, approach, design, candidate.may_improve);
+    let answer = match guarded(answer) {
+        Ok(Ok(answer)) => Ok(answer),
+        Ok(Err(NoAnswer::Refused(reason))) => Err(reason),
+        Ok(Err(NoAnswer::Failed(error))) => return Err(error),
+        Err(panic) => return Err(format!("{SIMULATOR_PANIC}: {panic}")),
+    };
+    Ok(Evaluation {
+        design: design.clone(),
+        answer,
+    })
+}
+
+/// The result of `work`, or the message of its panic.
+fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| {
+        let message = panic
+            .downcast_ref::<String>()
+            .map(String::as_str)
+            .or_else(|| panic.downcast_ref::<&str>().copied());
+        message.unwrap_or("no message").to_owned()
+    })
+}
+
+/// Analyses a design and samples it.
+fn design(
+    simulator: &dyn Simulator,
+    wanted: &Design,
+    unit: &Unit,
+    keep_going: &KeepGoing<'_>,
+) -> Outcome {
+    let problem = simulator.problem();
+    let campaign = problem.campaign();
+    if !keep_going(&|| None) {
+        return Outcome::default();
+    }
+    let done = |output: Option<Output>| Outcome {
+        output,
+        failure: None,
+    };
+    let analysed = guarded(|| {
+        let prepared = simulator.prepare(wanted)?;
+        analyse(problem, prepared, campaign.sampling.skip_violation())
+    });
+    let Analyses {
+        mut design,
+        responses,
+        ruled_out,
+    } = match analysed {
+        Ok(Ok(analyses)) => analyses,
+        Ok(Err(NoAnswer::Refused(reason))) => return done(Some(Output::Refused(reason))),
+        Ok(Err(NoAnswer::Failed(error))) => {
+            return Outcome::from(Failure {
+                sample: None,
+                error: format!("{}: {error}", unit.stream),
+            });
+        }
+        Err(panic) => {
+            let reason = format!("{SIMULATOR_PANIC}: {panic}");
+            return done(Some(Output::Refused(reason)));
+        }
+    };
+    let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
+    // If samples were requested, criteria alone are not an output.
+    let output = |samples: &[f64]| {
+        (!gets_samples || !samples.is_empty()).then(|| Output::Design {
+            responses: responses.clone(),
+            ruled_out: ruled_out.clone(),
+            samples: samples.to_vec(),
+        })
+    };
+    if !gets_samples {
+        return done(output(&[]));
+    }
+    let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+    let names = Names {
+        seed: campaign.seed,
+        purpose: Purpose::Wear,
+        design: unit.stream.index,
+        coefficients: campaign.sampling.coefficients(),
+    };
+    let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
+    // The criteria of a design whose samples fail are stored without them, if the failure is a result.
+    let is_result = campaign.sampling.tolerates_failures();
+    let has_criteria = failure.is_some() && is_result && !responses.is_empty();
+    let alone = || Output::Design {
+        responses: responses.clone(),
+        ruled_out: None,
+        samples: Vec::new(),
+    };
+    Outcome {
+        output: output(&samples).or_else(|| has_criteria.then(alone)),
+        failure,
+    }
+}
+
+/// A design with the responses of its analyses.
+struct Analyses<'a> {
+    design: Box<dyn Prepared + 'a>,
+    responses: Vec<f64>,
+    /// The reason if the design gets no samples.
+    ruled_out: Option<String>,
+}
+
+/// Analyses a design in both states.
+fn analyse<'a>(
+    problem: &Problem,
+    mut design: Box<dyn Prepared + 'a>,
+    skip_violation: Option<f64>,
+) -> Result<Analyses<'a>, NoAnswer> {
+    let nominal = design.analyse(State::Nominal)?;
+    let baseline = design.analyse(State::Baseline)?;
+    let responses = problem.responses_of(&nominal, &baseline);
+    if !responses.iter().all(|response| response.is_finite()) {
+        return Err(NoAnswer::Refused(format!(
+            "{NOT_A_NUMBER}: the simulator gave a result that is not a number"
+        )));
+    }
+    problem
+        .check_responses(&responses)
+        .map_err(NoAnswer::Failed)?;
+    let ruled_out = skip_violation.and_then(|limit| ruled_out(problem, &baseline.criteria, limit));
+    Ok(Analyses {
+        design,
+        responses,
+        ruled_out,
+    })
+}
+
+/// The reason why a design with these criteria in its baseline state gets no samples.
+fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<String> {
+    let violation = problem.violation(criteria);
+    // On the boundary the violation is zero, but the inequalities are strict. A violation that is
+    // NaN is reported as such and not as a violated constraint.
+    let is_out = violation > limit || violation == 0.0 && !problem.is_feasible(criteria);
+    if !is_out {
+        return None;
+    }
+    let broken: Vec<String> = problem
+        .constraints(criteria)
+        .iter()
+        .filter(|constraint| !constraint.holds())
+        .map(ToString::to_string)
+        .collect();
+    Some(format!("{RULED_OUT}: {}", broken.join(", ")))
+}
+
+/// The key of the random streams of a design's samples, apart from the sample, and the scheme by
+/// which their wear coefficients are drawn.
+#[derive(Debug, Clone, Copy)]
+struct Names {
+    seed: u64,
+    purpose: Purpose,
+    design: u64,
+    coefficients: stats::Sampling,
+}
+
+impl Names {
+    /// The response of one sample, which does not depend on the other samples drawn.
+    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, String> {
+        let sample = u64::from(index);
+        match self.coefficients {
+            stats::Sampling::Independent => {
+                let mut rng = stream(self.seed, self.purpose, self.design, sample);
+                design.sample(&mut rng)
+            }
+            even => {
+                let modes = design.modes();
+                let coefficients = stats::normal_coefficients(
+                    even,
+                    self.seed,
+                    self.purpose,
+                    self.design,
+                    sample,
+                    modes,
+                );
+                design.sample_at(&coefficients.map_err(|error| error.to_string())?)
+            }
+        }
+    }
+}
+
+/// Samples of the response, each from its own random stream, until one fails.
+fn draw(
+    problem: &Problem,
+    design: &mut dyn Prepared,
+    names: Names,
+    unit: &Unit,
+    keep_going: &dyn Fn(&[f64]) -> bool,
+) -> (Vec<f64>, Option<Failure>) {
+    let mut drawn = Vec::with_capacity(unit.samples.len());
+    let mut sample = |index: u32| -> Result<f64, String> {
+        let sample = guarded(|| names.draw(design, index))
+            .map_err(|panic| format!("{SIMULATOR_PANIC}: {panic}"))??;
+        let sample = problem.sample_of(sample);
+        let name = &problem.sampled().name;
+        let checked = problem.check_sample(sample);
+        checked.map_err(|why| format!("{name} {why}"))?;
+        Ok(sample)
+    };
+    for index in unit.samples.clone() {
+        if !keep_going(&drawn) {
+            break;
+        }
+        match sample(index) {
+            Ok(sample) => drawn.push(sample),
+            Err(error) => {
+                let failure = Failure {
+                    sample: Some(index),
+                    error: format!("{}, sample {index}: {error}", unit.stream),
+                };
+                return (drawn, Some(failure));
+            }
+        }
+    }
+    (drawn, None)
+}
