@@ -41,7 +41,7 @@ pub const ESTIMATORS: [Estimator; 6] = {
 /// How a percentile is estimated: three keys of `[sampling]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Estimator {
-    /// What the tables call it.
+    /// The name in the tables.
     pub name: &'static str,
     /// `percentile`
     pub percentile: PercentileRule,
@@ -77,7 +77,7 @@ impl Estimator {
     }
 }
 
-/// What a tolerance chooses, and why.
+/// The settings that a tolerance chooses, with the figures that decided.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
     /// The tolerance, µm.
@@ -90,7 +90,7 @@ pub struct Choice {
     pub samples: u32,
     /// 95th percentile of the grid's error, µm.
     pub grid_error_um: f64,
-    /// Root mean square error of the percentile from so many samples, µm.
+    /// Root mean square error of the percentile from `samples` samples, µm.
     pub percentile_error_um: f64,
     /// CPU time of a design with its samples on the machine of the tables, µs.
     pub design_micros: f64,
@@ -127,21 +127,21 @@ impl fmt::Display for Choice {
     }
 }
 
-/// Random designs that tell the size of ΔSTE.
+/// Number of random designs on which ΔSTE and its standard deviation are measured.
 const PILOTS: usize = 20;
-/// Samples of each.
+/// Samples of each pilot design.
 const PILOT_SAMPLES: u64 = 30;
-/// Random designs that are tried for them.
+/// Maximum number of random designs tried to find simulable pilot designs.
 const TRIED: u64 = 2000;
 
-/// A campaign file with its tolerance, if it has one, replaced by what that chooses.
+/// A campaign file. Its tolerance, if it has one, is replaced by the chosen settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CampaignFile {
     /// The campaign, with the grid, samples and estimator that a tolerance chooses.
     pub campaign: Campaign,
     /// The text that [`Campaign::parse`] reads as this campaign: the user's, unless it has a tolerance.
     pub text: String,
-    /// What the tolerance chooses.
+    /// The settings that the tolerance chooses.
     pub choice: Option<Choice>,
 }
 
@@ -183,7 +183,7 @@ impl CampaignFile {
         )?;
         source.positive(key, tolerance_um)?;
         let mut campaign = Campaign::from(form);
-        // Something valid, until the choice is made.
+        // Valid values until the choice is made.
         campaign.sampling.samples_per_design = 30;
         campaign.validate(source)?;
         let choice = choice(&campaign, tolerance_um)
@@ -331,7 +331,7 @@ struct Estimate {
     estimator: Estimator,
     samples: u32,
     calls: f64,
-    /// Root mean square, standard deviations: of normal designs or of those that are not, whichever is larger.
+    /// Root mean square error in standard deviations of ΔSTE: the larger one of normal and of other designs.
     error: f64,
 }
 
@@ -374,7 +374,7 @@ struct Row<const N: usize> {
 ///
 /// # Panics
 ///
-/// The table that is shipped has no such column; a test reads them all.
+/// The shipped table lacks one of the columns. A test reads all of them.
 fn rows<const N: usize>(table: &str, columns: [&str; N]) -> Vec<Row<N>> {
     let mut reader = csv::Reader::from_reader(table.as_bytes());
     let header = reader.headers().expect("the table has headings").clone();

@@ -9,50 +9,26 @@
 //! setting, and the module (or the centre distance) follows from the others. `external` is a
 //! problem that is stated in the campaign file and simulated by a program of the user's.
 
-use std::borrow::Cow;
-
 use crate::Campaign;
 use crate::file::{Aim, CorrectionsSection, FrozenFrom, Kind, Penalty};
-use crate::simulator::{Analysis, State};
 
+mod analysis;
 mod approach;
 mod constraint;
 mod design;
 mod external;
 pub mod gears;
+mod quantity;
 mod space;
 
+pub use analysis::{Analysis, State};
 pub use approach::Approach;
 pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
+pub use quantity::Quantity;
 pub use space::Coordinate;
 use space::{Derived, Space};
-
-/// A quantity that is an input or an output of a simulator.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Quantity {
-    /// The name, as in exported columns.
-    pub name: Cow<'static, str>,
-    /// The unit, if the name does not contain it; empty for a number without one.
-    pub unit: Cow<'static, str>,
-}
-
-impl Quantity {
-    fn new(name: &str, unit: &str) -> Self {
-        Self {
-            name: name.to_owned().into(),
-            unit: unit.to_owned().into(),
-        }
-    }
-
-    const fn of(name: &'static str, unit: &'static str) -> Self {
-        Self {
-            name: Cow::Borrowed(name),
-            unit: Cow::Borrowed(unit),
-        }
-    }
-}
 
 /// The problem of a campaign: variables, criteria and constraints.
 #[derive(Debug, Clone)]
@@ -271,7 +247,7 @@ impl Problem {
         &self.sampled
     }
 
-    /// Whether this number stands for a failed sample, of a program whose failures are results.
+    /// Whether this number stands for a failed sample of an external program.
     fn is_failed_sample(&self, value: f64) -> bool {
         let sampling = &self.campaign.sampling;
         self.campaign.is_external()
@@ -279,8 +255,8 @@ impl Problem {
             && value == sampling.failed_sample()
     }
 
-    /// The sample that a simulator's number stands for: if it is none, or infinite, the sample of a program
-    /// has failed, unless such failures are none of its results.
+    /// The sample that a simulator's number stands for. NaN and infinity become the failed sample if the
+    /// campaign [tolerates failures](crate::file::Sampling::tolerates_failures), and are unchanged otherwise.
     #[must_use]
     pub fn sample_of(&self, value: f64) -> f64 {
         let sampling = &self.campaign.sampling;

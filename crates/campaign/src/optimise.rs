@@ -13,68 +13,27 @@
 //! an interrupted search is recomputed from them with the same result.
 
 mod objective;
+mod run;
 #[cfg(test)]
 mod tests;
 
 use cmaes::{Bounds, Restarts, RunOptions};
 use rand::RngExt as _;
-use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, StreamRng, stream};
 
 use crate::file::{Aim, Optimise};
-use crate::formulation::{Approach, Criteria, Design, Problem};
+use crate::formulation::{Approach, Problem};
 use crate::simulator::{NoAnswer, Simulator};
-use crate::task::Run;
 
 pub use objective::{Answer, COMMON, Candidate, answer};
 use objective::{Objective, Record};
+pub use run::{Run, RunResult, Solution};
 
 /// Maximum number of times that a run with an infeasible printed optimum continues.
 const CONTINUATIONS: u32 = 10;
 
 /// The first number of the random streams of searches beside the runs, above those of approaches.
 const BESIDE: u64 = 1 << 20;
-
-/// The best design of a run, by one of its criteria.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Solution {
-    /// The design.
-    pub design: Design,
-    /// The criterion that the run minimised.
-    pub criterion: f64,
-    /// Its criteria.
-    pub criteria: Criteria,
-    /// Whether it satisfies all constraints.
-    pub feasible: bool,
-}
-
-/// The result of a run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RunResult {
-    /// The approach, which selects the problem formulation.
-    pub approach: Approach,
-    /// The number of the start, from 0.
-    pub start: u32,
-    /// The best design by the penalised objective (5) after the printed number of evaluations, if
-    /// any design was simulable.
-    pub printed: Option<Solution>,
-    /// The best feasible design.
-    pub best: Option<Solution>,
-    /// Number of times that the run continued beyond the printed evaluations to end at a feasible
-    /// design.
-    pub continuations: u32,
-    /// Number of evaluations, including continuations.
-    pub evaluations: u64,
-    /// Number of calls of the simulator: one per analysis without wear, two with Archard's wear.
-    pub simulator_calls: u64,
-    /// The improvements as (evaluation, value): of the penalised objective, or without a penalty of the
-    /// criterion.
-    pub history: Vec<(u64, f64)>,
-    /// The restarts besides the planned one, as (evaluation, reason).
-    pub restarts: Vec<(u64, String)>,
-}
 
 /// Runs the optimiser to the end.
 ///

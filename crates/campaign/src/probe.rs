@@ -29,14 +29,14 @@ pub fn model_digest(problem: &Problem) -> String {
         .digest
 }
 
-/// What the answers to the questions tell.
+/// The result of a probe.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Answers {
     /// SHA-256, as hex, of the bits of the answers, and of the version that the simulator reports.
     pub digest: String,
-    /// Designs that were sampled twice, with different seeds.
+    /// Number of designs sampled with two different seeds.
     pub sampled: u32,
-    /// Those of them whose two samples are equal.
+    /// Number of these designs whose two samples are equal.
     pub equal: u32,
 }
 
@@ -48,12 +48,12 @@ impl Answers {
     }
 }
 
-/// Why the answers are of no use. The text is a sentence.
+/// Why a probe has no result. The text is a sentence.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ProbeError {
     /// The simulator failed on every design. Another attempt may succeed.
     Fails(String),
-    /// The simulator breaks the rules.
+    /// The simulator gave two values for one seed.
     Contradicts(String),
 }
 
@@ -110,7 +110,7 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
                     ));
                 }
             }
-            // Samples without a number tell nothing of the seed.
+            // A failed sample does not show whether the seed matters.
             sampled += u32::from(first.is_finite());
             equal += u32::from(first.is_finite() && first == second);
             Ok(())

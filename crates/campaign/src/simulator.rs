@@ -7,7 +7,9 @@
 use stats::streams::StreamRng;
 
 use crate::formulation::gears::Gears;
-use crate::formulation::{Criteria, Design, Problem};
+use crate::formulation::{Design, Problem};
+
+pub use crate::formulation::{Analysis, State};
 
 /// The reasons why a simulator gives no number.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -19,25 +21,6 @@ pub enum NoAnswer {
     /// The simulator itself failed. Another attempt may succeed.
     #[error("{0}")]
     Failed(String),
-}
-
-/// The state in which a design is analysed without random effects.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum State {
-    /// The nominal design: for a gear pair, unworn flanks.
-    Nominal,
-    /// The state around which the random samples scatter: for a gear pair, Archard's wear.
-    Baseline,
-}
-
-/// A deterministic analysis of a design in one state.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Analysis {
-    /// The sampled response without random effects: for a gear pair ΔSTE, in µm. NaN for a problem
-    /// [without a baseline](Problem::has_baseline).
-    pub value: f64,
-    /// The values that constraints are set on.
-    pub criteria: Criteria,
 }
 
 /// A simulator of the designs of one campaign.

@@ -1,12 +1,11 @@
 //! The work of a worker: its input, its output, and the pure function between them.
 
-use std::sync::Arc;
-
-use ledger::StreamId;
 use stats::streams::Purpose;
 
-use crate::formulation::{Approach, Design};
+use crate::formulation::Design;
 use crate::optimise::{Answer, RunResult};
+
+pub use crate::optimise::Run;
 
 mod compute;
 mod inputs;
@@ -63,30 +62,6 @@ impl Source {
                 candidates.iter().map(bytes).sum()
             }
         }
-    }
-}
-
-/// One run of an optimiser.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Run {
-    /// The approach, which selects the problem formulation.
-    pub approach: Approach,
-    /// The number of the start, from 0.
-    pub start: u32,
-    /// The values of the variables that the DoE does not vary; ignored if the approach varies all.
-    pub base: Design,
-    /// The kriging model as JSON, for [`Approach::Kriging`].
-    pub model: Option<Arc<str>>,
-    /// The design that the search begins at; a random point without one. A search on a model evaluates
-    /// it first, a direct search begins with a shorter step.
-    pub from: Option<Design>,
-}
-
-impl Run {
-    /// The stream of the run's result.
-    #[must_use]
-    pub const fn stream(&self) -> StreamId {
-        StreamId::run(self.approach.number() as u32, self.start)
     }
 }
 

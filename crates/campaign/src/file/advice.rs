@@ -105,7 +105,7 @@ fn modules(
     let shifts = settings[..2].iter().map(|setting| match setting {
         Setting::Free(range) => *range,
         Setting::Fixed(shift) => [*shift; 2],
-        // A mate's shift follows only if the module is given, which returned above.
+        // The mate's shift follows only if the module is given, and that case has returned above.
         Setting::Relation(_) => match settings[0] {
             Setting::Free(range) => range,
             _ => [0.0; 2],

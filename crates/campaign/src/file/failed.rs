@@ -84,8 +84,8 @@ impl Sampling {
             && level < 1.0
             && let Ok(mut estimate) = self.estimate_at(&finite, level)
         {
-            // The share is an estimate as well. What its error does to the percentile is taken from a normal
-            // distribution's slope at this level.
+            // The share of failures is an estimate, too. Its variance enters by the slope of a normal
+            // distribution's quantile at this level.
             let z = stats::normal_quantile(level);
             let slope = sd * std::f64::consts::TAU.sqrt() * (0.5 * z * z).exp();
             let of_share = share * (1.0 - share) / samples.len() as f64;
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// The stated variance is the one that estimates have: it knows that the share of failures is an estimate.
+    /// The stated variance is that of repeated estimates, including the variance of the share of failures.
     #[test]
     fn the_variance_counts_the_error_of_the_share() {
         use rand::RngExt as _;
@@ -173,7 +173,7 @@ mod tests {
                 })
                 .collect();
             let estimate = of.estimate(&drawn).unwrap().chosen;
-            // One in hundreds has too many failures for a percentile.
+            // A few estimates in hundreds have too many failures for a percentile.
             if estimate.p90.is_finite() {
                 values.push(estimate.p90);
                 stated.push(estimate.variance);

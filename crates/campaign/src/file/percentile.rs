@@ -57,8 +57,8 @@ impl Sampling {
         }
     }
 
-    /// The percentile of verification samples, with a 95 % interval that assumes no distribution: what
-    /// every table, page and decision shows of a design that is verified.
+    /// The percentile of verification samples, with a 95 % interval that assumes no distribution. Every table,
+    /// page and decision takes the percentile of a verified design from here.
     ///
     /// # Errors
     ///
@@ -67,8 +67,8 @@ impl Sampling {
         stats::order_statistic(&self.counted(samples), self.level(), CONFIDENCE)
     }
 
-    /// How far the verified percentile of `first` lies above that of `second`, whose samples have the same
-    /// random numbers; `None` without an interval.
+    /// The difference of the verified percentiles of `first` and `second`, with its interval. The samples of
+    /// both have the same random numbers. `None` without an interval.
     #[must_use]
     pub fn difference(&self, first: &[f64], second: &[f64]) -> Option<OrderStatistic> {
         if self.failed == FailedSamples::LeftOut {
@@ -138,8 +138,9 @@ impl Sampling {
         stats::normal_p90(samples, &self.paper())
     }
 
-    /// The estimator of the percentile. If the file names none, it is the one with the smallest error in the worst
-    /// case, and of samples whose estimate assumes normal ones, the exact one for these.
+    /// The estimator of the percentile. If the file names none: `chosen`, which has the smallest error in the worst
+    /// case, and `normal` for samples that depend on each other or have a control variate, for which `chosen` does
+    /// not exist.
     #[must_use]
     pub fn rule_of_percentile(&self) -> PercentileRule {
         let is_plain = self.control == ControlVariate::None
@@ -150,7 +151,7 @@ impl Sampling {
         })
     }
 
-    /// Why the estimator of the percentile cannot do what it is for with so few samples; `None` if it can.
+    /// A warning if the estimator needs more samples at this level, or assumes normal ones far in the tail.
     pub(super) fn doubt(&self) -> Option<String> {
         let (k, level) = (self.samples_per_design, self.level());
         let name = self.percentile_name();

@@ -178,8 +178,7 @@ impl Sampling {
     /// constraints rule out gets none.
     #[must_use]
     pub fn skip_violation(&self) -> Option<f64> {
-        self.skip_violation
-            .or_else(|| self.precision.map(|_| 0.0))
+        self.skip_violation.or_else(|| self.precision.map(|_| 0.0))
     }
 
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {

@@ -2,8 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::gears::{GearCriteria, GearVariables};
-
 /// One design: the value of every variable of its problem, in the order of
 /// [`Problem::variables`](super::Problem::variables).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -28,17 +26,6 @@ impl Design {
     pub fn values(&self) -> &[f64] {
         &self.0
     }
-
-    /// The design as a gear pair, without profile corrections.
-    ///
-    /// # Panics
-    ///
-    /// The design is not one of a gear problem.
-    #[must_use]
-    pub fn gears(&self) -> GearVariables {
-        let values = self.0.first_chunk();
-        GearVariables::of_values(*values.expect("a gear pair has eleven variables"))
-    }
 }
 
 impl Criteria {
@@ -52,28 +39,5 @@ impl Criteria {
     #[must_use]
     pub fn values(&self) -> &[f64] {
         &self.0
-    }
-
-    /// The criteria of a gear pair.
-    ///
-    /// # Panics
-    ///
-    /// The criteria are not those of a gear problem.
-    #[must_use]
-    pub fn gears(&self) -> GearCriteria {
-        GearCriteria::of_values(&self.0)
-            .expect("a gear pair has nine criteria, or with details seventeen")
-    }
-}
-
-impl From<GearVariables> for Design {
-    fn from(variables: GearVariables) -> Self {
-        Self(variables.values().to_vec())
-    }
-}
-
-impl From<GearCriteria> for Criteria {
-    fn from(criteria: GearCriteria) -> Self {
-        Self(criteria.values().to_vec())
     }
 }

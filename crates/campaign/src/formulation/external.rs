@@ -1,8 +1,7 @@
 //! A problem that is stated in the campaign file and simulated by a program of the user's.
 
-use super::{Constraint, Coordinate, Criteria, Quantity};
+use super::{Analysis, Constraint, Coordinate, Criteria, Quantity};
 use crate::file::{Aim, ExternalSections};
-use crate::simulator::Analysis;
 
 /// The problem of an external campaign.
 #[derive(Debug, Clone)]

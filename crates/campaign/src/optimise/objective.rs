@@ -3,10 +3,9 @@
 use cmaes::Evaluation;
 use stats::streams::{Purpose, stream};
 
-use super::Solution;
+use super::{Run, Solution};
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
-use crate::task::Run;
 
 /// The violation of a design that is not simulable in feasibility-first ranking: larger than that
 /// of any simulable design.
@@ -81,8 +80,9 @@ pub fn answer(
     Ok(answer)
 }
 
-/// The samples of a design in a direct search. A sample that fails again and again, while one that did not
-/// fail is computed once more before each attempt, has failed if that is a result.
+/// The samples of a design in a direct search. A failed sample is tried again, after a sample that succeeded
+/// before is computed once more to show that the simulator works. If it then fails at every attempt, it counts as
+/// failed, provided that the campaign tolerates failures.
 fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String> {
     let campaign = problem.campaign();
     let (purpose, number) = COMMON;

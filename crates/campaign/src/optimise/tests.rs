@@ -3,6 +3,7 @@ use cmaes::Restarts;
 use super::*;
 use crate::Campaign;
 use crate::file::{OfGears, Setting};
+use crate::formulation::{Criteria, Design};
 
 fn problem(change: impl FnOnce(&mut Campaign)) -> Problem {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();

@@ -1,12 +1,12 @@
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeSet;
 
-use ledger::{Generation, Kind, Unit};
+use ledger::{Generation, Kind, StreamId, Unit};
 use stats::streams::stream;
 
 use super::*;
 use crate::Campaign;
-use crate::formulation::Problem;
+use crate::formulation::{Approach, Problem};
 use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];

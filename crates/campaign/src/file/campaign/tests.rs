@@ -78,10 +78,7 @@ fn the_kind_of_restarts_is_named() {
         );
     }
     for (lines, says) in [
-        (
-            "restarts = \"from-best\"",
-            "optimise.restart_at is missing",
-        ),
+        ("restarts = \"from-best\"", "optimise.restart_at is missing"),
         (
             "restarts = \"from-best\"\nrestart_at = 12001",
             "a whole number from 1 to 12000",

@@ -3,8 +3,7 @@
 use gear::rating;
 use serde::{Deserialize, Serialize};
 
-use super::super::{Criteria, Quantity};
-use crate::simulator::{Analysis, State};
+use super::super::{Analysis, Criteria, Quantity, State};
 
 /// The criteria, in the order of the fields of [`GearCriteria`].
 static CRITERIA: [Quantity; GearCriteria::COUNT] = [
@@ -312,4 +311,23 @@ pub(in super::super) fn analysis(
         value,
         criteria: Criteria::from(criteria),
     })
+}
+
+impl Criteria {
+    /// The criteria of a gear pair.
+    ///
+    /// # Panics
+    ///
+    /// The criteria are not those of a gear problem.
+    #[must_use]
+    pub fn gears(&self) -> GearCriteria {
+        GearCriteria::of_values(self.values())
+            .expect("a gear pair has nine criteria, or with details seventeen")
+    }
+}
+
+impl From<GearCriteria> for Criteria {
+    fn from(criteria: GearCriteria) -> Self {
+        Self::new(criteria.values().to_vec())
+    }
 }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::Quantity;
+use super::super::{Design, Quantity};
 
 /// The number of variables of a gear pair.
 pub const ALL_VARIABLES: usize = 11;
@@ -79,5 +79,24 @@ impl GearVariables {
             root[1],
             self.helix_angle_deg,
         ]
+    }
+}
+
+impl Design {
+    /// The design as a gear pair, without profile corrections.
+    ///
+    /// # Panics
+    ///
+    /// The design is not one of a gear problem.
+    #[must_use]
+    pub fn gears(&self) -> GearVariables {
+        let values = self.values().first_chunk();
+        GearVariables::of_values(*values.expect("a gear pair has eleven variables"))
+    }
+}
+
+impl From<GearVariables> for Design {
+    fn from(variables: GearVariables) -> Self {
+        Self::new(variables.values().to_vec())
     }
 }
