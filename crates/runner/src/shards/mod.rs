@@ -12,6 +12,8 @@ mod error;
 mod part;
 mod service;
 mod shard;
+#[cfg(test)]
+mod tests;
 mod undelivered;
 
 pub use error::Error;
