@@ -413,7 +413,7 @@ fn the_columns_of_tables_are_those_of_the_programs() {
     let sandbox = Sandbox::new();
     // Tables have their columns before they have rows; the report needs some designs.
     let small = "[doe]\ndesigns = 8\n[optimise]\npopulation = 4\nparents = 2\nstep = 0.3\n\
-                 evaluations = 8\nrestart_at = 4\nstarts = 1\n";
+                 evaluations = 8\nstarts = 1\n";
     let pair = merged(&read(&root().join("campaigns/pair.toml")), small);
     sandbox.write("pair.toml", &pair);
     let run_it = ["run", "pair.toml", "--db", "pair.db", "--out", "report"];
