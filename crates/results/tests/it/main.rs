@@ -1,4 +1,5 @@
 //! What a store says.
 
+mod live;
 mod report;
 mod status;
