@@ -26,9 +26,9 @@ use crate::moments::check_finite;
 /// A probability that changes no digit of the sum.
 const NEGLIGIBLE: f64 = 1e-20;
 
-/// The variance of Σ `weights[r]` Y₍ᵣ₊₁₎ in the unit of the samples squared, Y the order statistics of
-/// n values drawn with replacement from the n `samples`: what a bootstrap with infinitely many
-/// replications converges to.
+/// The variance of Σ `weights[r]` Y₍ᵣ₊₁₎ in the unit of the samples squared, with Y the order
+/// statistics of n values drawn with replacement from the n `samples`. It is the limit of a bootstrap
+/// with infinitely many replications.
 ///
 /// # Errors
 ///
@@ -60,7 +60,7 @@ pub fn exact_bootstrap_variance(samples: &[f64], weights: &[f64]) -> Result<f64,
     }
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
-    let variance = of_sorted(&sorted, weights);
+    let variance = variance_of_sorted(&sorted, weights);
     if variance.is_finite() {
         Ok(variance)
     } else {
@@ -69,7 +69,7 @@ pub fn exact_bootstrap_variance(samples: &[f64], weights: &[f64]) -> Result<f64,
 }
 
 /// [`exact_bootstrap_variance`] of at least two finite values in ascending order.
-pub(crate) fn of_sorted(sorted: &[f64], weights: &[f64]) -> f64 {
+pub(crate) fn variance_of_sorted(sorted: &[f64], weights: &[f64]) -> f64 {
     let n = sorted.len();
     let mut cumulative = vec![0.0; n + 1];
     for (r, weight) in weights.iter().enumerate() {

@@ -132,8 +132,8 @@ fn uniform(rng: &mut StreamRng) -> f64 {
     ((rng.next_u64() >> 11) as f64 + 0.5) * BITS
 }
 
-/// Estimates m + z σ̂ from groups, which are runs of `group` successive samples and independent of
-/// each other. The variance is the jackknife's over the groups. With groups of one, only the
+/// Estimates m + z σ̂ from groups: runs of `group` successive samples, independent of each other. The
+/// variance is that of the jackknife over the groups. With groups of one, only the
 /// variance differs from [`crate::normal_p90`]. An incomplete last group is refused, because its
 /// variance would differ.
 ///

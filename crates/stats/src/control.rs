@@ -50,7 +50,7 @@ pub struct ControlledPercentile {
     pub mean_variance: f64,
     /// Estimated variance of `sd`.
     pub sd_variance: f64,
-    /// Estimated variance of `p90`, which kriging takes as its noise.
+    /// Estimated variance of `p90`: the noise variance of kriging.
     pub variance: f64,
     /// The slope β̂ of the samples on the controls; zero when the plain estimate was taken.
     pub slope: f64,
@@ -60,8 +60,8 @@ pub struct ControlledPercentile {
     pub correlation: f64,
 }
 
-/// Estimates mean + z sd of `samples` with one control per sample, of which mean and standard
-/// deviation are known.
+/// Estimates mean + z sd of `samples` with one control per sample. `control` holds the controls' true
+/// mean and standard deviation.
 ///
 /// # Errors
 ///

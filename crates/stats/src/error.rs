@@ -1,13 +1,15 @@
+//! Errors of samples and parameters that a statistic cannot take.
+
 use thiserror::Error;
 
 /// Why a statistic could not be computed. The text reads after "failed to …: ".
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The statistic is not defined for so few samples.
+    /// The statistic is not defined for this number of samples.
     #[error("{statistic} needs at least {needed} samples, got {got}")]
     TooFewSamples {
-        /// The statistic asked for.
+        /// Name of the statistic.
         statistic: &'static str,
         /// The smallest number of samples it is defined for.
         needed: usize,
@@ -17,7 +19,7 @@ pub enum Error {
     /// A sample is NaN or infinite.
     #[error("sample {index} is {value}, every sample must be a finite number")]
     NonFinite {
-        /// Position of the first such sample.
+        /// Index of the first such sample, from 0.
         index: usize,
         /// Value of the sample.
         value: f64,
@@ -39,11 +41,11 @@ pub enum Error {
     /// A parameter lies outside the range where the formula holds.
     #[error("{name} is {value}, it must be {expected}")]
     OutOfRange {
-        /// The parameter.
+        /// Name of the parameter.
         name: &'static str,
         /// Value of the parameter.
         value: f64,
-        /// The values that would be right.
+        /// The accepted values, in words.
         expected: &'static str,
     },
 }

@@ -13,7 +13,6 @@ use statrs::distribution::{ContinuousCDF as _, Normal};
 
 use crate::Error;
 use crate::percentile::{PERCENTILE_MIN_SAMPLES, check_variance_arguments};
-use crate::{Percentile, mean_sd};
 
 /// The 90 % quantile of the standard normal distribution.
 pub const EXACT_Z90: f64 = 1.281_551_565_544_600_4;
@@ -26,68 +25,6 @@ pub fn normal_quantile(level: f64) -> f64 {
         0.1 => -EXACT_Z90,
         _ => Normal::standard().inverse_cdf(level),
     }
-}
-
-/// The formula for the variance of m + z s.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum VarianceFormula {
-    /// The paper's (14), [`crate::p90_variance`].
-    #[default]
-    Taylor,
-    /// [`exact_p90_variance`].
-    Exact,
-}
-
-/// Options of the estimate of a percentile of a normal sample. The default is that of
-/// [`crate::percentile_p90`], the paper's estimate of the 90 % percentile.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NormalOptions {
-    /// z of m + z s: [`normal_quantile`] of the level, or the paper's rounded [`crate::PAPER_Z90`].
-    pub z: f64,
-    /// The formula of the reported variance.
-    pub variance: VarianceFormula,
-    /// Whether s is divided by c₄, so that the percentile has no bias (and a slightly larger
-    /// variance, which is then z²(1/c₄² − 1) in place of z²(1 − c₄²)).
-    pub unbiased: bool,
-}
-
-impl Default for NormalOptions {
-    fn default() -> Self {
-        Self {
-            z: crate::PAPER_Z90,
-            variance: VarianceFormula::Taylor,
-            unbiased: false,
-        }
-    }
-}
-
-/// Estimates a percentile of a normal sample as `options` say.
-///
-/// # Errors
-///
-/// The errors of [`crate::percentile_p90`].
-pub fn normal_p90(samples: &[f64], options: &NormalOptions) -> Result<Percentile, Error> {
-    let n = samples.len();
-    let z = options.z;
-    let relative = c4(n)?;
-    // Dividing s by c₄ is multiplying z by 1/c₄.
-    let z = if options.unbiased { z / relative } else { z };
-    let (mean, sd) = mean_sd(samples)?;
-    let variance = match options.variance {
-        VarianceFormula::Taylor => crate::p90_variance(sd * sd, n, z)?,
-        VarianceFormula::Exact => exact_p90_variance(sd * sd, n, z)?,
-    };
-    let p90 = mean + z * sd;
-    if !p90.is_finite() {
-        return Err(Error::Overflow { n });
-    }
-    Ok(Percentile {
-        n,
-        mean,
-        sd,
-        p90,
-        variance,
-    })
 }
 
 /// The exact variance of m + z s for `k` normal samples of variance `sigma2`:

@@ -1,3 +1,5 @@
+//! Mean and standard deviation.
+
 use crate::Error;
 
 /// Returns the mean and the standard deviation (divisor n − 1) of `samples`, equation (9).
@@ -36,7 +38,7 @@ pub fn mean_sd(samples: &[f64]) -> Result<(f64, f64), Error> {
     Ok((mean, variance.max(0.0).sqrt()))
 }
 
-/// Refuses the first sample that is NaN or infinite.
+/// [`Error::NonFinite`] for the first sample that is NaN or infinite.
 pub(crate) fn check_finite(samples: &[f64]) -> Result<(), Error> {
     match samples.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(Error::NonFinite {

@@ -21,7 +21,7 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use crate::moments::check_finite;
 use crate::{Error, mean_sd};
 
-/// The fewest samples of the tables.
+/// The fewest samples of the test: the tables begin there.
 pub const LILLIEFORS_MIN_SAMPLES: usize = 4;
 
 /// Upper tail probabilities of the stored quantiles.

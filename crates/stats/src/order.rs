@@ -86,8 +86,8 @@ pub fn order_interval_min_samples(level: f64, confidence: f64) -> usize {
 }
 
 /// The difference between the percentiles of `first` and `second` with its confidence interval. Samples of one
-/// index must have the same random numbers; those beyond the shorter list are left out. `None` where one of
-/// the two has no interval.
+/// index must have the same random numbers; those beyond the shorter list are left out. `None` if one of the
+/// percentiles has no interval.
 ///
 /// # Errors
 ///
@@ -137,7 +137,8 @@ pub fn paired_difference(
     }))
 }
 
-/// The point below which the percentile at `level` lies with the probability `chance`.
+/// The value that exceeds the true percentile at `level` with the probability `chance`; `None` if it lies
+/// beyond all samples.
 fn limit(sorted: &[f64], level: f64, chance: f64) -> Option<f64> {
     let n = sorted.len();
     let binomial = Binomial::new(level, n as u64).expect("the level was checked");
@@ -161,7 +162,7 @@ fn limit(sorted: &[f64], level: f64, chance: f64) -> Option<f64> {
     let (at, next) = (above(r), above(r + 1));
     let odds =
         r as f64 * (1.0 - level) * (next - chance) / ((n - r) as f64 * level * (chance - at));
-    Some(between(sorted[r - 1], sorted[r], 1.0 / (1.0 + odds)))
+    Some(interpolate(sorted[r - 1], sorted[r], 1.0 / (1.0 + odds)))
 }
 
 /// The value at a rank from 1 on, interpolated linearly.
@@ -169,11 +170,11 @@ fn at_rank(sorted: &[f64], rank: f64) -> f64 {
     let rank = rank.clamp(1.0, sorted.len() as f64);
     let below = rank.floor() as usize;
     let above = (below + 1).min(sorted.len());
-    between(sorted[below - 1], sorted[above - 1], rank - rank.floor())
+    interpolate(sorted[below - 1], sorted[above - 1], rank - rank.floor())
 }
 
 /// a + share (b − a), also of infinite values.
-fn between(a: f64, b: f64, share: f64) -> f64 {
+fn interpolate(a: f64, b: f64, share: f64) -> f64 {
     if share <= 0.0 || a == b {
         return a;
     }

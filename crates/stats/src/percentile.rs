@@ -2,7 +2,7 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::{Error, NormalOptions, normal_p90};
+use crate::Error;
 
 /// The 90 % quantile of the standard normal distribution as the paper rounds it in (8) and (14)
 /// (exactly 1.28155…).
@@ -28,16 +28,6 @@ pub struct Percentile {
     pub variance: f64,
 }
 
-/// Estimates the 90 % percentile of a normal sample, and the variance of that estimate: equations
-/// (8), (9) and (14) with z = [`PAPER_Z90`].
-///
-/// # Errors
-///
-/// [`Error::TooFewSamples`] below [`PERCENTILE_MIN_SAMPLES`], and the errors of [`mean_sd`](crate::mean_sd).
-pub fn percentile_p90(samples: &[f64]) -> Result<Percentile, Error> {
-    normal_p90(samples, &NormalOptions::default())
-}
-
 /// The variance of m + z s for `k` normal samples of variance `sigma2`, equation (14):
 /// σ² [1/k + z²/2 (1 − √((k − 3)/(k − 1)))].
 ///
@@ -54,7 +44,7 @@ pub fn p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
     Ok(sigma2 * (1.0 / k + 0.5 * z * z * one_less_root))
 }
 
-/// Checks the arguments of the variances of m + z s.
+/// [`Error::TooFewSamples`] or [`Error::OutOfRange`] for arguments without a variance of m + z s.
 pub(crate) fn check_variance_arguments(sigma2: f64, k: usize, z: f64) -> Result<(), Error> {
     check_count(k)?;
     if !(sigma2.is_finite() && sigma2 >= 0.0) {

@@ -80,10 +80,10 @@ pub fn harrell_davis(
     let n = sorted.len();
     let weights = harrell_davis_weights(n, level);
     let base = sorted[0];
-    let p90 = base + weighted(&weights, sorted.iter(), base);
+    let p90 = base + weighted_sum(&weights, sorted.iter(), base);
     let variance = match variance {
         HarrellDavisVariance::Jackknife => jackknife(&sorted, level),
-        HarrellDavisVariance::Bootstrap => bootstrap::of_sorted(&sorted, &weights),
+        HarrellDavisVariance::Bootstrap => bootstrap::variance_of_sorted(&sorted, &weights),
     };
     finite(Quantile {
         method: Method::HarrellDavis,
@@ -113,7 +113,7 @@ fn jackknife(sorted: &[f64], level: f64) -> f64 {
     (n - 1) as f64 / n as f64 * squares
 }
 
-fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f64) -> f64 {
+fn weighted_sum<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f64) -> f64 {
     let terms = weights.iter().zip(values);
     terms.map(|(w, x)| w * (x - base)).sum()
 }
@@ -121,7 +121,7 @@ fn weighted<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f6
 /// The rule that chooses an estimator for one design.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChoiceRule {
-    /// The percentile's level; `normal.z` is the quantile that belongs to it.
+    /// The percentile's level; `normal.z` must be the quantile of the same level.
     pub level: f64,
     /// Significance level: normality is rejected when Lilliefors' p-value is below it; 1 rejects it
     /// without a test.
@@ -143,7 +143,7 @@ impl Default for ChoiceRule {
     }
 }
 
-/// The result of [`choose_p90`], with what a report on the rule's effect needs.
+/// The result of [`choose_p90`], with the numbers on which the choice was based.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Choice {
     /// The percentile chosen.

@@ -31,7 +31,7 @@ impl Reference {
         Self::RareJump,
     ];
 
-    /// The name, for tables.
+    /// Name of the distribution, for tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -43,7 +43,7 @@ impl Reference {
         }
     }
 
-    /// One sample.
+    /// Draws one sample.
     pub fn draw(self, rng: &mut impl Rng) -> f64 {
         let normal: f64 = StandardNormal.sample(rng);
         match self {

@@ -1,8 +1,8 @@
 //! Variance-based sensitivity: which share of an output's variance comes from which input.
 //!
 //! For an output Y of independent inputs X_1 … X_d, the first-order index of X_i is
-//! S_i = Var(E(Y | X_i))/Var(Y), what X_i does by itself, and the total index
-//! T_i = E(Var(Y | all but X_i))/Var(Y), what it does together with the others too. Both are
+//! S_i = Var(E(Y | X_i))/Var(Y), the share of the variance due to X_i alone. The total index
+//! T_i = E(Var(Y | all but X_i))/Var(Y) includes its interactions with the other inputs. Both are
 //! estimated from n (d + 2) outputs: at n points A, n points B, and for each input at the points A
 //! with that input's coordinate from B. A and B are the two halves of a Sobol' sequence in 2 d
 //! dimensions, scrambled after Owen.
@@ -172,7 +172,7 @@ impl SensitivityPlan {
             });
         }
         let all: Vec<usize> = (0..rows.len()).collect();
-        let estimate = Estimate::of(&rows, &all, self.inputs);
+        let estimate = Estimate::from_rows(&rows, &all, self.inputs);
         check(
             estimate.variance.sqrt() > ROUNDING * estimate.mean.abs(),
             "variance of the output",
@@ -185,7 +185,7 @@ impl SensitivityPlan {
                     .iter()
                     .map(|_| rng.random_range(0..rows.len()))
                     .collect();
-                Estimate::of(&rows, &picked, self.inputs)
+                Estimate::from_rows(&rows, &picked, self.inputs)
             })
             .collect();
         let index = |of: &dyn Fn(&Estimate) -> f64| {
@@ -211,6 +211,7 @@ impl SensitivityPlan {
     }
 }
 
+/// Indices and moments estimated from some rows.
 struct Estimate {
     first: Vec<f64>,
     total: Vec<f64>,
@@ -221,7 +222,7 @@ struct Estimate {
 impl Estimate {
     /// Estimates from the rows numbered in `picked`; a row holds the outputs at A, at B, and at A
     /// with each coordinate in turn from B.
-    fn of(rows: &[&[f64]], picked: &[usize], inputs: usize) -> Self {
+    fn from_rows(rows: &[&[f64]], picked: &[usize], inputs: usize) -> Self {
         let n = picked.len() as f64;
         let both = || picked.iter().flat_map(|&row| rows[row][..2].iter());
         let mean = both().sum::<f64>() / (2.0 * n);

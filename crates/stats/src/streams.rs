@@ -19,7 +19,7 @@ pub enum Purpose {
     Doe = 1,
     /// Random wear fields of the DoE's samples.
     Wear = 2,
-    /// Random wear fields of the verification samples that verify an optimum.
+    /// Random wear fields of an optimum's verification samples.
     Verify = 3,
     /// An optimiser's start point and mutations.
     Optimise = 4,
