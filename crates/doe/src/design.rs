@@ -12,8 +12,8 @@ pub const MAX_VARIABLES: usize = 20;
 
 /// n points in the open unit box (0, 1)ᵈ. Designs of [`crate::maximin`] and [`random_lhs`] are
 /// Latin hypercubes of cell centres: each coordinate is (level + ½)/n, and each level 0, …, n − 1
-/// is taken exactly once in each variable. A design that [`crate::enlarge`] made from such a one
-/// has one point per stratum; those of [`crate::sobol`] need not.
+/// is taken exactly once in each variable. A Latin hypercube that [`crate::enlarge`] extended has one
+/// point per stratum; a design of [`crate::sobol`] may have several or none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Design {
     /// The number of points.
@@ -25,7 +25,7 @@ pub struct Design {
 }
 
 impl Design {
-    /// The design of the given levels, one row of `d` per point.
+    /// The design with these levels, row by row: `d` for each of `n` points.
     pub(crate) fn from_levels(n: usize, d: usize, levels: impl Iterator<Item = u32>) -> Self {
         Self {
             n,
@@ -127,12 +127,12 @@ impl Design {
             && (0..self.d).all(|k| self.strata(k, self.n).iter().all(|taken| *taken))
     }
 
-    /// For each of `count` strata of variable `k`, whether it holds a point. The points are in the
-    /// unit box; its far edge belongs to the last stratum.
+    /// Whether each of `count` strata of variable `k` holds a point. The points are in the unit box;
+    /// its far edge belongs to the last stratum.
     pub(crate) fn strata(&self, k: usize, count: usize) -> Vec<bool> {
         let mut taken = vec![false; count];
         for x in self.points.iter().skip(k).step_by(self.d) {
-            // x count may also round up to count.
+            // The product may round up to count.
             let level = ((x * count as f64) as usize).min(count - 1);
             taken[level] = true;
         }
@@ -166,6 +166,7 @@ pub(crate) fn random_columns<R: Rng>(n: usize, d: usize, rng: &mut R) -> Vec<Vec
     (0..d).map(column).collect()
 }
 
+/// [`Error::Points`] or [`Error::Variables`] for a size out of range.
 pub(crate) fn check(n: usize, d: usize) -> Result<(), Error> {
     if !(2..=MAX_POINTS).contains(&n) {
         return Err(Error::Points { n });
@@ -176,6 +177,7 @@ pub(crate) fn check(n: usize, d: usize) -> Result<(), Error> {
     Ok(())
 }
 
+/// (level + ½)/n.
 pub(crate) fn cell_centre(level: u32, n: usize) -> f64 {
     (f64::from(level) + 0.5) / n as f64
 }

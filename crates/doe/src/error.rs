@@ -35,7 +35,7 @@ pub enum Error {
     Shrinking {
         /// The requested number of points.
         n: usize,
-        /// The number of points that are there.
+        /// The number of points of the existing design.
         existing: usize,
     },
     /// A point of the design to enlarge is not in the unit box.
@@ -46,7 +46,7 @@ pub enum Error {
     Outside {
         /// Index of the first such point, from 0.
         point: usize,
-        /// Index of its first such variable, from 0.
+        /// Index of the first variable that is out of the box there, from 0.
         variable: usize,
         /// The coordinate, as text since it may be NaN.
         value: String,

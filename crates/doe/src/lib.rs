@@ -37,6 +37,8 @@
 //! - A. B. Owen, *Scrambling Sobol' and Niederreiter–Xing points*, Journal of Complexity 14, 1998.
 //! - G. Dueck and T. Scheuer, *Threshold accepting*, Journal of Computational Physics 90, 1990.
 
+#![warn(missing_docs)]
+
 mod design;
 mod error;
 mod maximin;

@@ -1,4 +1,4 @@
-//! The optimiser: how the search for a maximin design spends its budget.
+//! The optimiser of maximin designs: phases of the search and their budgets.
 
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
@@ -8,8 +8,8 @@ use crate::search::Search;
 use crate::table::Table;
 use crate::{Design, Error};
 
-/// Budget per variable and point, in coordinates read: about 0.4 s of one core for 100
-/// points in 6 variables, 0.9 s for 500, 3.5 s for 3000 and 15 s for 20 000.
+/// Budget per variable and point, in coordinates read: about 0.4 s of one core for 100 points in 6
+/// variables, 0.9 s for 500, 3.5 s for 3000 and 15 s for 20 000.
 const STEPS: f64 = 8.5e5;
 /// Points added to n in the budget: small designs have few swaps per point, but are hard all the
 /// same.

@@ -14,8 +14,8 @@ use crate::{Design, Error, Options, check_enlarge, enlarge, maximin, random_lhs}
 pub const SOBOL_POINTS: usize = 1 << 16;
 /// Half the spacing of the sequence's single-precision points. Adding it keeps them away from 0.
 const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
-/// Largest difference of a coordinate from the sequence's: less than the spacing, and more than a
-/// conversion to other units and back changes it.
+/// Largest accepted difference of a coordinate from the sequence's: less than the spacing, and more
+/// than the rounding of a conversion to other units and back.
 const SAME: f64 = 0.5 * HALF_SPACING;
 
 /// A kind of design.

@@ -32,8 +32,8 @@ const PATIENCE: usize = 60;
 const NEGLIGIBLE: f64 = 1e-9;
 
 /// A design of `n` points that begins with those of `existing`, unchanged; the new points are kept
-/// away from the old ones and from each other. Of the n strata of every variable each new point has
-/// one to itself. If the existing points have one each too, as in a Latin hypercube, every stratum
+/// away from the old ones and from each other. Each new point has a stratum to itself among the n of
+/// every variable. If the existing points have one each too, as in a Latin hypercube, every stratum
 /// holds exactly one point; otherwise existing points may share a stratum and leave others empty.
 /// The same input gives the same design.
 ///
@@ -117,6 +117,7 @@ pub fn check_enlarge(existing: &Design, n: usize) -> Result<(), Error> {
     }
 }
 
+/// The state of the search: the enlarged design and the energies of its new points.
 struct Growth {
     design: Design,
     /// Number of existing points, which come first and do not move.
@@ -127,7 +128,7 @@ struct Growth {
     most_spare: usize,
     rng: StreamRng,
     squared_radius: f64,
-    /// Sum of energies of each new point.
+    /// Energy of each new point: the sum over its pairs with all others.
     energy: Vec<f64>,
 }
 
@@ -144,25 +145,28 @@ impl Growth {
         }
     }
 
+    /// Swaps coordinates until the budget is spent; returns the design of the largest radius reached.
     fn spread(mut self, effort: f64) -> Design {
         let (n, d, new) = (self.design.n, self.design.d, self.energy.len());
         let swaps = SWAPS * d as f64 * (new as f64 + 100.0);
         let largest = LARGEST_BUDGET / (n * d) as f64;
         let mut left = (effort * swaps.min(largest)) as usize;
         let mut best = self.design.clone();
-        let mut floor = self.smallest();
+        let mut floor = self.smallest_squared_distance();
         let mut rise = FIRST_RISE;
         while left > 0 && rise > LAST_RISE {
             self.set_squared_radius(floor * (1.0 + rise));
             let mut patience = (PATIENCE * new).min(left);
             left -= patience;
             while patience > 0 {
-                let Some(first) = self.worst() else { break };
+                let Some(first) = self.point_with_energy() else {
+                    break;
+                };
                 self.repair(first);
                 patience -= 1;
             }
             left += patience;
-            if self.worst().is_none() {
+            if self.point_with_energy().is_none() {
                 best.clone_from(&self.design);
                 // Pairs of old points may be nearer than the radius, which no swap can change.
                 floor = self.squared_radius;
@@ -174,7 +178,7 @@ impl Growth {
     }
 
     /// The smallest squared distance of a new point from any other.
-    fn smallest(&self) -> f64 {
+    fn smallest_squared_distance(&self) -> f64 {
         (self.fixed..self.design.n)
             .flat_map(|i| (0..i).map(move |j| (i, j)))
             .map(|(i, j)| self.squared_distance(i, j))
@@ -207,7 +211,7 @@ impl Growth {
     }
 
     /// A new point with energy: the first one from a random index on.
-    fn worst(&mut self) -> Option<usize> {
+    fn point_with_energy(&mut self) -> Option<usize> {
         let new = self.energy.len();
         let start = self.rng.random_range(0..new as u32) as usize;
         (start..new)

@@ -16,9 +16,9 @@ const PARTNERS: usize = 4;
 /// is proportional to time at every size.
 const SCAN_OVERHEAD: u64 = 500;
 /// Place of a point that is not in the list `active`.
-const NOWHERE: u32 = u32::MAX;
+const INACTIVE: u32 = u32::MAX;
 /// Index that excludes no point from a sum of energies.
-const NOBODY: usize = usize::MAX;
+const NO_POINT: usize = usize::MAX;
 
 /// The current design, and the best one so far.
 ///
@@ -29,7 +29,7 @@ pub(crate) struct Search {
     table: Table,
     rng: StreamRng,
     squared_radius: i64,
-    /// Scales squared distances down to 20 bits, so that sums of their squares fit 64.
+    /// Bits by which squared distances are shifted to fit 20, so that sums of their squares fit 64.
     shift: u32,
     energy: Vec<i64>,
     active: Vec<u32>,
@@ -53,7 +53,7 @@ impl Search {
             shift: 0,
             energy: vec![0; n],
             active: Vec::new(),
-            place: vec![NOWHERE; n],
+            place: vec![INACTIVE; n],
             best_squared: 0,
             spent: 0,
             near_first: Neighbours::default(),
@@ -117,7 +117,7 @@ impl Search {
         self.squared_radius = squared_radius;
         self.shift = (squared_radius.max(1).ilog2() + 1).saturating_sub(20);
         self.active.clear();
-        self.place.fill(NOWHERE);
+        self.place.fill(INACTIVE);
         self.energy.fill(0);
         let mut near = std::mem::take(&mut self.near_first);
         for i in 0..self.table.points() {
@@ -160,7 +160,7 @@ impl Search {
         self.spent += cost(seen, d);
         let from = self.table.level(first, k);
         let shift = self.shift;
-        let here = energy_at(&near_first, shift, from, NOBODY);
+        let here = energy_at(&near_first, shift, from, NO_POINT);
         for _ in 0..PARTNERS {
             let Some((there, to)) = self.sample_level(&near_first, from, n) else {
                 break;
@@ -194,11 +194,11 @@ impl Search {
         self.near_second = near_second;
     }
 
-    /// Returns, of a few random levels other than `from`, the one with the least energy, and that
-    /// energy. A level without energy ends the search.
+    /// The least energy among a few random levels other than `from`, and its level. A level without
+    /// energy ends the sampling.
     fn sample_level(&mut self, near: &Neighbours, from: i64, n: usize) -> Option<(i64, i64)> {
         let rng = &mut self.rng;
-        Arch::new().dispatch(LeastStrained {
+        Arch::new().dispatch(LevelSampling {
             near,
             shift: self.shift,
             from,
@@ -228,21 +228,23 @@ impl Search {
         pair_energy(left, self.shift)
     }
 
+    /// Adds `change` to the energy of a point and updates the list of active points.
     fn add(&mut self, point: usize, change: i64) {
         self.energy[point] += change;
         let place = self.place[point];
-        if self.energy[point] > 0 && place == NOWHERE {
+        if self.energy[point] > 0 && place == INACTIVE {
             self.place[point] = self.active.len() as u32;
             self.active.push(point as u32);
-        } else if self.energy[point] == 0 && place != NOWHERE {
+        } else if self.energy[point] == 0 && place != INACTIVE {
             self.active.swap_remove(place as usize);
             if let Some(&moved) = self.active.get(place as usize) {
                 self.place[moved as usize] = place;
             }
-            self.place[point] = NOWHERE;
+            self.place[point] = INACTIVE;
         }
     }
 
+    /// Keeps the current design if its smallest squared distance exceeds that of the best.
     fn keep_as(&mut self, squared: i64) {
         if squared > self.best_squared {
             self.best_squared = squared;
@@ -273,9 +275,9 @@ fn energy_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
         .sum()
 }
 
-/// The search of [`Search::sample_level`] for one instruction set; with integers the result is the
-/// same for all.
-struct LeastStrained<'s, F> {
+/// [`Search::sample_level`] for one instruction set. Energies are integers, so the result is the same
+/// for all.
+struct LevelSampling<'s, F> {
     near: &'s Neighbours,
     shift: u32,
     from: i64,
@@ -283,7 +285,7 @@ struct LeastStrained<'s, F> {
     draw: F,
 }
 
-impl<F: FnMut() -> i64> WithSimd for LeastStrained<'_, F> {
+impl<F: FnMut() -> i64> WithSimd for LevelSampling<'_, F> {
     type Output = Option<(i64, i64)>;
 
     #[inline(always)]
@@ -294,7 +296,7 @@ impl<F: FnMut() -> i64> WithSimd for LeastStrained<'_, F> {
             if level == self.from {
                 continue;
             }
-            let energy = energy_at(self.near, self.shift, level, NOBODY);
+            let energy = energy_at(self.near, self.shift, level, NO_POINT);
             if best.is_none_or(|(least, _)| energy < least) {
                 best = Some((energy, level));
             }

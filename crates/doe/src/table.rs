@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 /// Points per block of a scan; columns are padded by as many, so that blocks may overrun.
 const BLOCK: usize = 16;
 /// Relative slack of the single-precision filter. A sum of 20 squares of exact differences errs by
-/// less than 22 · 2⁻²⁴ ≈ 1.3e-6; what passes is checked in integers.
+/// less than 22 · 2⁻²⁴ ≈ 1.3e-6; points that pass are checked in integers.
 const SLACK: f32 = 1.0 + 1e-5;
 
 /// The points near another one in all variables but one.
@@ -37,8 +37,11 @@ impl Neighbours {
 pub(crate) struct Table {
     n: usize,
     d: usize,
+    /// Length of a column in `levels`, with its padding.
     stride: usize,
+    /// Level of each point, column by column.
     levels: Vec<f32>,
+    /// Point of each level, column by column.
     owners: Vec<u32>,
 }
 
@@ -94,9 +97,8 @@ impl Table {
         }
     }
 
-    /// Replaces `found` by the points nearer to `i` than √`squared_radius` in all variables but
-    /// `k` (all variables, when `k` is none), in ascending order. Returns how many points it
-    /// looked at.
+    /// Replaces `found` by the points nearer to `i` than √`squared_radius` in all variables but `k`
+    /// (in all variables if `k` is `None`), in ascending order. Returns the number of points scanned.
     pub(crate) fn near(
         &self,
         i: usize,
