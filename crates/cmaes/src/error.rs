@@ -11,7 +11,7 @@ pub enum Error {
         "bounds of variable {index} are [{lower}, {upper}]: they must be finite, lower < upper"
     )]
     Bounds {
-        /// The variable, from 0.
+        /// Index of the variable, from 0.
         index: usize,
         /// Lower bound of the variable.
         lower: f64,
@@ -29,7 +29,7 @@ pub enum Error {
     /// The start point is not in the box.
     #[error("start point is {value} in variable {index}, outside [{lower}, {upper}]")]
     StartOutside {
-        /// The variable, from 0.
+        /// Index of the variable, from 0.
         index: usize,
         /// The start point's coordinate.
         value: f64,

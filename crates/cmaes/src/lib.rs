@@ -46,6 +46,8 @@
 //! - N. Hansen and A. Ostermeier, *Completely derandomized self-adaptation in evolution
 //!   strategies*, Evolutionary Computation 9(2), 2001.
 
+#![warn(missing_docs)]
+
 mod bounds;
 mod error;
 mod evaluation;

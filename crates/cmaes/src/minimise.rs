@@ -1,4 +1,4 @@
-//! Drives a run whose objective is a function.
+//! A whole run with a function as its objective.
 
 use rand::Rng;
 

@@ -44,6 +44,7 @@ impl Options {
         }
     }
 
+    /// The error of the first option that is out of range.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let Self {
             population,

@@ -2,7 +2,7 @@
 
 use crate::Options;
 
-/// Constants of a search, all derived from d, λ, µ and whether negative weights are wanted.
+/// Constants of a search, derived from d, λ, µ and [`Options::active`].
 #[derive(Debug, Clone)]
 pub(crate) struct Parameters {
     /// One weight per rank, best first; the first µ are positive and sum to one.

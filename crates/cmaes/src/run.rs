@@ -36,7 +36,7 @@ pub struct RunOptions {
     /// The restarts after a search has stopped.
     pub restarts: Restarts,
     /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts in any case, at the end
-    /// of that generation, as the gear paper plans it. A number not below the budget means none.
+    /// of that generation, as the gear paper plans it. From the budget on there is no such restart.
     pub restart_at: Option<usize>,
 }
 
@@ -102,13 +102,14 @@ pub struct Run {
     waiting: usize,
     history: Vec<(usize, Evaluation)>,
     restarts: Vec<Restart>,
+    /// Whether the restart of [`RunOptions::restart_at`] is still to come.
     planned: bool,
-    turns: Turns,
+    regimes: Regimes,
 }
 
-/// The bookkeeping of restarts with growing populations.
+/// Evaluations spent by large and small searches, for restarts with growing populations.
 #[derive(Debug, Clone)]
-struct Turns {
+struct Regimes {
     /// Evaluations before the current search.
     begun_at: usize,
     /// Population of the last large search: one in the sequence of growing populations.
@@ -146,7 +147,7 @@ impl Run {
             history: Vec::new(),
             restarts: Vec::new(),
             planned,
-            turns: Turns {
+            regimes: Regimes {
                 begun_at: 0,
                 large: options.search.population,
                 large_cost: 0,
@@ -204,9 +205,9 @@ impl Run {
 
         let reached = |at| self.evaluations >= at;
         let due = self.planned && self.options.restart_at.is_some_and(reached);
-        let spent = self.evaluations - self.turns.begun_at;
+        let spent = self.evaluations - self.regimes.begun_at;
         let used_up = self
-            .turns
+            .regimes
             .small_budget
             .is_some_and(|budget| spent >= budget);
         let cause = match self.search.stop() {
@@ -239,7 +240,7 @@ impl Run {
             }
         };
         if !from_best {
-            let (population, step) = self.next_turn(rng);
+            let (population, step) = self.next_regime(rng);
             // The ratio of parents to population stays the same.
             let parents = options.parents * population / options.population;
             options.parents = parents.max(1);
@@ -251,37 +252,37 @@ impl Run {
     }
 
     /// Chooses population and step of the next search, from the regime that has spent less.
-    fn next_turn<R: Rng + ?Sized>(&mut self, rng: &mut R) -> (usize, f64) {
+    fn next_regime<R: Rng + ?Sized>(&mut self, rng: &mut R) -> (usize, f64) {
         let Options {
             population, step, ..
         } = self.options.search;
-        let turns = &mut self.turns;
-        let spent = self.evaluations - turns.begun_at;
-        match turns.small_budget {
-            Some(_) => turns.small_cost += spent,
-            None if !turns.is_first => {
-                turns.large_cost += spent;
-                turns.last_large_cost = spent;
+        let regimes = &mut self.regimes;
+        let spent = self.evaluations - regimes.begun_at;
+        match regimes.small_budget {
+            Some(_) => regimes.small_cost += spent,
+            None if !regimes.is_first => {
+                regimes.large_cost += spent;
+                regimes.last_large_cost = spent;
             }
             None => {}
         }
-        let was_first = std::mem::take(&mut turns.is_first);
-        turns.begun_at = self.evaluations;
+        let was_first = std::mem::take(&mut regimes.is_first);
+        regimes.begun_at = self.evaluations;
         let small = self.options.restarts == Restarts::Bipop
             && !was_first
-            && turns.small_cost < turns.large_cost;
+            && regimes.small_cost < regimes.large_cost;
         if small {
-            turns.small_budget = Some(turns.last_large_cost.max(2) / 2);
-            let ratio = 0.5 * turns.large as f64 / population as f64;
+            regimes.small_budget = Some(regimes.last_large_cost.max(2) / 2);
+            let ratio = 0.5 * regimes.large as f64 / population as f64;
             let exponent = rng.random::<f64>().powi(2);
             let smaller = (population as f64 * ratio.powf(exponent)).floor() as usize;
             let shorter = step * 10_f64.powf(-2.0 * rng.random::<f64>());
             (smaller.max(2), shorter)
         } else {
-            turns.small_budget = None;
+            regimes.small_budget = None;
             // A population beyond the budget would never be ranked.
-            turns.large = (2 * turns.large).min(self.options.evaluations.max(population));
-            (turns.large, step)
+            regimes.large = (2 * regimes.large).min(self.options.evaluations.max(population));
+            (regimes.large, step)
         }
     }
 

@@ -70,7 +70,7 @@ impl fmt::Display for Stop {
     }
 }
 
-/// The best evaluations of the last generations, in which stagnation shows.
+/// The best evaluations of the last generations, from which stagnation is detected.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Window {
     bests: VecDeque<Evaluation>,

@@ -32,11 +32,11 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// step is therefore shortened to a length that a draw could have (N. Hansen, *Injecting external
 /// solutions into CMA-ES*, arXiv:1110.4181).
 ///
-/// In a generation of which more than three in four candidates were drawn again, negative weights
-/// are left out. In a corner, the bad candidates are those that lead inwards; taking variance away
+/// Negative weights are left out in a generation with more than three quarters of its candidates
+/// drawn again. In a corner, the bad candidates are those that lead inwards; taking variance away
 /// there leaves a distribution that is wide only in directions out of the box, and the step size
-/// diverges. (Of 101 seeds in 2 to 11 variables with the optimum in a corner, at two bounds or at
-/// one, every one converged; with a limit of one half or nine tenths, some did not.)
+/// diverges. (All 101 seeds in 2 to 11 variables with the optimum in a corner, at two bounds or at
+/// one, converged; with a limit of one half or nine tenths, some did not.)
 ///
 /// **Invariant.** Mean and candidates are within the bounds, all coordinates finite.
 #[derive(Debug, Clone)]
@@ -56,7 +56,7 @@ pub struct CmaEs {
     generation: usize,
     decomposed_at: usize,
     evaluations: usize,
-    asked: Vec<Candidate>,
+    candidates: Vec<Candidate>,
     best: Option<(Vec<f64>, Evaluation)>,
     window: Window,
     stop: Option<Stop>,
@@ -67,7 +67,7 @@ pub struct CmaEs {
 struct Candidate {
     /// D⁻¹Bᵀy: the step in the distribution's own measure.
     z: DVector<f64>,
-    /// (x − m)/σ in the unit box, shortened if x was moved to the boundary.
+    /// (x − m)/σ in the unit box, shortened if x was moved to the boundary and is too far out.
     y: DVector<f64>,
     /// x in the caller's units.
     x: Vec<f64>,
@@ -98,7 +98,7 @@ impl CmaEs {
             generation: 0,
             decomposed_at: 0,
             evaluations: 0,
-            asked: Vec::new(),
+            candidates: Vec::new(),
             best: None,
             window: Window::new(n, options.population),
             stop: None,
@@ -112,8 +112,8 @@ impl CmaEs {
     /// Asking again before telling throws the earlier candidates away.
     pub fn ask<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Vec<Vec<f64>> {
         let directions = self.directions(rng);
-        self.asked = directions.into_iter().map(|z| self.draw(z, rng)).collect();
-        self.asked
+        self.candidates = directions.into_iter().map(|z| self.draw(z, rng)).collect();
+        self.candidates
             .iter()
             .map(|candidate| candidate.x.clone())
             .collect()
@@ -129,7 +129,7 @@ impl CmaEs {
     /// [`Error::NothingAsked`] without candidates, [`Error::Count`] when `evaluations` is not one
     /// per candidate; the candidates then keep waiting.
     pub fn tell<E: Into<Evaluation> + Copy>(&mut self, evaluations: &[E]) -> Result<(), Error> {
-        let (expected, got) = (self.asked.len(), evaluations.len());
+        let (expected, got) = (self.candidates.len(), evaluations.len());
         if expected == 0 {
             return Err(Error::NothingAsked);
         }
@@ -139,16 +139,16 @@ impl CmaEs {
         let evaluations: Vec<Evaluation> = evaluations.iter().map(|&e| e.into()).collect();
         let mut order: Vec<usize> = (0..evaluations.len()).collect();
         order.sort_by(|&a, &b| evaluations[a].rank(&evaluations[b])); // stable
-        let mut asked = std::mem::take(&mut self.asked);
+        let mut candidates = std::mem::take(&mut self.candidates);
         self.generation += 1;
         self.evaluations += evaluations.len();
         let sorted: Vec<Evaluation> = order.iter().map(|&i| evaluations[i]).collect();
         if sorted[0].is_usable() {
             let better = |(_, best): &(_, Evaluation)| sorted[0].is_better_than(best);
             if self.best.as_ref().is_none_or(better) {
-                self.best = Some((std::mem::take(&mut asked[order[0]].x), sorted[0]));
+                self.best = Some((std::mem::take(&mut candidates[order[0]].x), sorted[0]));
             }
-            let ranked: Vec<&Candidate> = order.iter().map(|&i| &asked[i]).collect();
+            let ranked: Vec<&Candidate> = order.iter().map(|&i| &candidates[i]).collect();
             let redrawn = ranked.iter().filter(|c| c.redrawn).count();
             self.adapt(&ranked, 4 * redrawn > 3 * ranked.len());
         }
@@ -198,9 +198,11 @@ impl CmaEs {
         self.generation
     }
 
-    /// The candidates that wait for their evaluations.
+    /// The candidates of the last [`ask`](Self::ask), in the caller's units.
     pub(crate) fn waiting(&self) -> impl Iterator<Item = &[f64]> {
-        self.asked.iter().map(|candidate| candidate.x.as_slice())
+        self.candidates
+            .iter()
+            .map(|candidate| candidate.x.as_slice())
     }
 
     /// λ standard normal vectors, orthogonal in groups of up to d.
@@ -230,6 +232,8 @@ impl CmaEs {
         drawn
     }
 
+    /// The candidate at the standard normal `z`, drawn again or moved to the boundary if it lies out of
+    /// bounds.
     fn draw<R: Rng + ?Sized>(&self, mut z: DVector<f64>, rng: &mut R) -> Candidate {
         let n = self.mean.len();
         let mut y = DVector::zeros(n);
@@ -409,6 +413,7 @@ impl CmaEs {
     }
 }
 
+/// n independent standard normal numbers.
 fn normal<R: Rng + ?Sized>(n: usize, rng: &mut R) -> DVector<f64> {
     DVector::from_fn(n, |_, _| rng.sample(StandardNormal))
 }
