@@ -116,7 +116,7 @@ fn described(model: &Surrogate) -> String {
         None => format!("exact, {kernel}"),
         Some(near) => format!(
             "vecchia: predictions from {} of {} points, {kernel}",
-            near.conditioning(),
+            near.prediction_neighbours(),
             near.points(),
         ),
     }

@@ -1,4 +1,4 @@
-//! Observations: checks, merging of repeated points.
+//! Observations: checks, and merging at repeated points.
 
 pub(crate) mod contradiction;
 pub(crate) mod near;
@@ -74,22 +74,22 @@ impl Points {
         })
     }
 
-    /// Number of different rows. The points must be sorted, as [`merge`] and [`keep`] return them.
+    /// Number of different rows. The points must be sorted, as [`merge_repeated`] and [`keep_repeated`] return them.
     pub(crate) fn distinct(&self) -> usize {
         let new = |i: &usize| *i == 0 || self.row(*i) != self.row(*i - 1);
         (0..self.len()).filter(new).count()
     }
 }
 
-/// Checks the data and merges observations at equal points. The warnings say what a user should
-/// know about the data.
+/// Checks the data and merges observations at equal points; the warnings report merged and
+/// contradictory ones.
 ///
 /// Noisy observations at one point are replaced by their precision-weighted mean, a sufficient statistic
 /// for the model. A noise-free observation replaces the noisy ones that agree with it. If
 /// observations of a point contradict each other (see [`Contradiction`]), the variance pooled over
 /// all such points is added to the noise of each.
-pub(crate) fn merge(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
-    gather(data, |a, b, row| {
+pub(crate) fn merge_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
+    merge_where(data, |a, b, row| {
         compare_rows(row(a), row(b)) == Ordering::Equal
     })
 }
@@ -98,15 +98,15 @@ pub(crate) fn merge(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
 /// from their scatter, which a mean of them would lose. Only copies, noise-free observations of the
 /// same value, count once. A row given twice carries no information, and as two measurements it
 /// would make the nugget vanish, whatever the other observations are.
-pub(crate) fn keep(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
-    gather(data, |a, b, row| {
+pub(crate) fn keep_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
+    merge_where(data, |a, b, row| {
         let exact = data.noise_variance[a] == 0.0 && data.noise_variance[b] == 0.0;
         exact && data.y[a] == data.y[b] && compare_rows(row(a), row(b)) == Ordering::Equal
     })
 }
 
 /// Sorts the observations and merges neighbours for which `one` holds.
-fn gather<'a>(
+fn merge_where<'a>(
     data: &Data<'a>,
     one: impl Fn(usize, usize, &dyn Fn(usize) -> &'a [f64]) -> bool,
 ) -> Result<(Points, Vec<Warning>), Error> {
@@ -160,14 +160,15 @@ fn compare_rows(a: &[f64], b: &[f64]) -> Ordering {
 }
 
 /// Standard deviations by which the norm of a point's scatter must exceed its expectation under the
-/// noise. Normal noise does in 1.5e-8 of all cases at most (‖z‖ of ν standard normal numbers
-/// exceeds √ν + t with a probability below exp(−t²/2), by the concentration of Gaussian measure).
+/// noise. Normal noise exceeds this limit with a probability of 1.5e-8 at most (‖z‖ of ν standard normal
+/// numbers exceeds √ν + t with a probability below exp(−t²/2), by the concentration of Gaussian measure).
 const EXCESS: f64 = 6.0;
 
 /// Observations of the same points that differ by more than their noise permits: noise-free ones that
 /// differ at all, and noisy ones that lie many standard deviations from each other or from a
 /// noise-free one.
 struct Contradiction {
+    /// Number of such points.
     points: usize,
     /// The variance of their observations, pooled over the points concerned.
     variance: f64,
@@ -208,6 +209,7 @@ fn contradicts(group: &[usize], data: &Data<'_>) -> bool {
     norm > ((group.len() - 1) as f64).sqrt() + EXCESS
 }
 
+/// The mean, relative to the first value so that close values keep their digits.
 pub(crate) fn mean(values: &[f64]) -> f64 {
     let first = values[0];
     first + values.iter().map(|y| y - first).sum::<f64>() / values.len() as f64

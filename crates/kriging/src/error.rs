@@ -1,6 +1,8 @@
+//! Errors of fits, predictions and stored models.
+
 use thiserror::Error;
 
-use crate::likelihood::JITTERS;
+use crate::linalg::JITTERS;
 
 /// Why a model could not be fitted, used or read. The text reads after "failed to …: ".
 #[derive(Debug, Error)]
@@ -48,13 +50,13 @@ pub enum Error {
          they have, estimate a nugget, or drop one of them"
     )]
     Contradiction {
-        /// Number of the one observation, from 0.
+        /// Index of the first observation, from 0.
         first: usize,
-        /// Number of the other.
+        /// Index of the second observation.
         second: usize,
         /// Difference of the two, in units of y.
         difference: f64,
-        /// The largest difference that would have been accepted, in units of y.
+        /// The largest accepted difference, in units of y.
         permitted: f64,
     },
     /// The points do not determine a linear trend: they are too few, or lie in a plane.
@@ -79,7 +81,7 @@ pub enum Error {
         /// The smallest gain accepted: the number of parameters it takes.
         needed: f64,
     },
-    /// Finite numbers whose differences or squares an f64 cannot hold.
+    /// The numbers are finite, but their differences or squares exceed the range of an f64.
     #[error("{what} spans a range too wide or too narrow for an f64, use another unit")]
     Extent {
         /// Name of the array.
@@ -106,8 +108,8 @@ pub enum Error {
         at_observation(.observation)
     )]
     NotPositiveDefinite {
-        /// Number of the first observation, from 0, whose row depends on those before it in the last
-        /// factorisation; `None` if every factorisation succeeded but the trend's.
+        /// Index, from 0, of the first observation whose row depends on those before it in the last
+        /// factorisation; `None` if only the trend's normal equations could not be factorised.
         observation: Option<usize>,
         /// The largest jitter tried, relative to the process variance.
         jitter: f64,
@@ -115,8 +117,8 @@ pub enum Error {
     /// A stored model is not well-formed JSON of the expected shape.
     #[error("the stored model is not valid")]
     Json(#[source] serde_json::Error),
-    /// A stored model has a parameter, or the options have a number, that no model can have.
-    #[error("{what}: {value} is not possible, no fitted model has that")]
+    /// A number of a stored model or of the options is out of its domain.
+    #[error("{what}: no fitted model can have the value {value}")]
     OutOfRange {
         /// Name of the parameter.
         what: &'static str,
@@ -143,7 +145,7 @@ impl Error {
     }
 }
 
-/// [`Error::Shape`] unless both lengths are the same.
+/// [`Error::Shape`] unless the lengths are equal.
 pub(crate) fn check_length(what: &'static str, expected: usize, got: usize) -> Result<(), Error> {
     if got == expected {
         return Ok(());

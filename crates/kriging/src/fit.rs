@@ -7,60 +7,21 @@
 //! where all ranges vanish and the model is white noise; that start lies on the right side of it.
 
 mod newton;
+pub(crate) mod options;
 pub(crate) mod report;
 mod stages;
 mod starts;
 
 use crate::data::contradiction;
-use crate::data::scaled::{SIGMA2_BOUNDS, Scaled};
-use crate::data::{Data, Points, keep, merge};
+use crate::data::scaled::{SIGMA2_BOUNDS, ScaledData};
+use crate::data::{Data, Points, keep_repeated, merge_repeated};
 use crate::kernel::Kernel;
 use crate::likelihood::gls::{Gls, Trend};
-use crate::likelihood::prior::Estimator;
 use crate::model::{Model, Parameters};
-use crate::{Error, Nugget, Warning};
+use crate::{Error, Warning};
+use options::FitOptions;
 use stages::SUBSET_TOLERANCE;
 use starts::Search;
-
-/// Options of the search for the parameters of the covariance.
-#[derive(Debug, Clone, PartialEq)]
-pub struct FitOptions {
-    /// The correlation function.
-    pub kernel: Kernel,
-    /// The criterion that the parameters maximise.
-    pub estimator: Estimator,
-    /// Seed of the random starts and subsets (stream purpose `Fit`).
-    pub seed: u64,
-    /// Number of starts; at least one is taken.
-    pub starts: usize,
-    /// The most quasi-Newton iterations of one search.
-    pub max_iterations: usize,
-    /// The trend around which the process varies.
-    pub trend: Trend,
-    /// Whether a nugget is estimated.
-    pub nugget: Nugget,
-    /// Whether to calibrate the predicted variances, see [`Model::calibrated`].
-    pub calibrate: bool,
-    /// Whether to refuse a model that is not better than a constant plus noise, with
-    /// [`Error::NoStructure`]. Otherwise such a model has the [`Warning::NoStructure`].
-    pub refuse_no_structure: bool,
-}
-
-impl Default for FitOptions {
-    fn default() -> Self {
-        Self {
-            kernel: Kernel::default(),
-            estimator: Estimator::default(),
-            seed: 0,
-            starts: 20,
-            max_iterations: 100,
-            trend: Trend::Constant,
-            nugget: Nugget::Known,
-            calibrate: false,
-            refuse_no_structure: false,
-        }
-    }
-}
 
 /// Fits ordinary kriging, equations (15) to (20), or universal kriging by maximum likelihood.
 ///
@@ -78,19 +39,18 @@ impl Default for FitOptions {
 /// nearly the same point that differ by more than their noise permits; [`Error::TooFewPoints`] for
 /// fewer than two distinct points; [`Error::Trend`] if the points do not determine the trend;
 /// [`Error::NoStructure`] if `options` asks for it; and [`Error::NotPositiveDefinite`] if no
-/// covariance of the search can be factorised. What a user should know about a successful fit is in
-/// [`Model::warnings`].
+/// covariance of the search can be factorised. A successful fit may have [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     let (points, mut warnings) = if options.nugget.is_estimated() {
-        keep(data)?
+        keep_repeated(data)?
     } else {
-        merge(data)?
+        merge_repeated(data)?
     };
     let distinct = points.distinct();
     if distinct < 2 {
         return Err(Error::TooFewPoints { distinct });
     }
-    let scaled = Scaled::new(&points)?;
+    let scaled = ScaledData::new(&points)?;
     if !options.nugget.is_estimated() {
         contradiction::check(&points, &scaled)?;
     }
@@ -117,13 +77,13 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
     }
 
     let search = Search::new(&scaled, options);
-    let found = search.run()?;
-    let of_search = search.warnings(&found, distinct);
+    let optimum = search.run()?;
+    let of_search = search.warnings(&optimum, distinct);
     if options.refuse_no_structure {
         report::check_structure(&of_search)?;
     }
     warnings.extend(of_search);
-    let at = &found.outcome.at;
+    let at = &optimum.outcome.at;
     let ranges = |k: usize| at[if search.tied { 0 } else { k }].exp();
     let sigma2 = at[at.len() - 1].exp();
     let mut parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
@@ -135,7 +95,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         options.trend,
         points,
         parameters,
-        found.jitter,
+        optimum.jitter,
     )?;
     warnings.extend(model.jitter_warning());
     warnings.extend(model.warning_of_residuals());
@@ -148,7 +108,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
 }
 
 /// Whether the points determine the trend's coefficients and outnumber them.
-fn determines_trend(scaled: &Scaled, trend: Trend) -> bool {
+fn determines_trend(scaled: &ScaledData, trend: Trend) -> bool {
     if trend.is_constant() {
         return true;
     }
@@ -157,21 +117,21 @@ fn determines_trend(scaled: &Scaled, trend: Trend) -> bool {
     n > trend.coefficients(scaled.columns.len()) && Gls::new(&basis, basis.clone(), n).is_some()
 }
 
-/// A model without any variation: the likelihood is highest for σ² → 0.
-fn constant(kernel: Kernel, points: Points, scaled: &Scaled) -> Result<Model, Error> {
+/// The model of equal observations, whose likelihood is highest for σ² → 0.
+fn constant(kernel: Kernel, points: Points, scaled: &ScaledData) -> Result<Model, Error> {
     let parameters = in_units_of_data(&points, scaled, |_| 0.5, constant_sigma2(scaled));
     Model::new(kernel, Trend::Constant, points, parameters, 0.0)
 }
 
 /// The value that stands for σ² = 0 when all observations are equal.
-pub(crate) fn constant_sigma2(scaled: &Scaled) -> f64 {
+pub(crate) fn constant_sigma2(scaled: &ScaledData) -> f64 {
     let noise = scaled.noise.iter().sum::<f64>() / scaled.len() as f64;
     // The smallest normal number stands for zero, whose logarithm the likelihood could not hold.
     (SIGMA2_BOUNDS.0 * noise).max(f64::MIN_POSITIVE)
 }
 
-/// The parameters of a subset, in scaled units.
-pub(crate) struct Start {
+/// The parameters of highest likelihood of a subset, in scaled units.
+pub(crate) struct SubsetFit {
     /// ln θ₁ … ln θ_d.
     pub(crate) ln_ranges: Vec<f64>,
     /// The nugget; zero if none was estimated.
@@ -187,19 +147,19 @@ pub(crate) struct Start {
 /// The parameters of highest likelihood of a subset of `of` points, found as in [`fit()`]. If the
 /// subset leaves points out, the last steps of the search are skipped: those points move the optimum
 /// by more.
-pub(crate) fn start_from_subset(
-    subset: &Scaled,
+pub(crate) fn fit_subset(
+    subset: &ScaledData,
     of: usize,
     options: &FitOptions,
-) -> Result<Start, Error> {
+) -> Result<SubsetFit, Error> {
     let mut search = Search::new(subset, options);
     if subset.len() < of {
         search.tolerance = SUBSET_TOLERANCE;
     }
-    let found = search.run()?;
-    let mut warnings = search.at_bounds(&found);
-    warnings.extend(search.of_search(&found));
-    let mut ln_ranges = found.outcome.at;
+    let optimum = search.run()?;
+    let mut warnings = search.at_bounds(&optimum);
+    warnings.extend(search.of_search(&optimum));
+    let mut ln_ranges = optimum.outcome.at;
     let mut variance = || ln_ranges.pop().map_or(0.0, f64::exp);
     let sigma2 = variance();
     let nugget = if options.nugget.is_estimated() {
@@ -212,7 +172,7 @@ pub(crate) fn start_from_subset(
         // A subset too small for a range per coordinate has one range for all.
         ln_ranges = vec![ln_ranges[0]; subset.columns.len()];
     }
-    Ok(Start {
+    Ok(SubsetFit {
         ln_ranges,
         nugget,
         sigma2,
@@ -221,9 +181,11 @@ pub(crate) fn start_from_subset(
     })
 }
 
+/// The parameters in units of the data; `range` gives the range of column k in units of its extent. The
+/// trend and the nugget are zero.
 pub(crate) fn in_units_of_data(
     points: &Points,
-    scaled: &Scaled,
+    scaled: &ScaledData,
     range: impl Fn(usize) -> f64,
     sigma2: f64,
 ) -> Parameters {

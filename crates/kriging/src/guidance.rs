@@ -1,4 +1,4 @@
-//! Texts of warnings and errors that say what the user of a program can do.
+//! Warnings and errors as texts that name the settings of a program that help.
 
 use crate::{Error, Names, Nugget, Warning};
 
@@ -12,8 +12,8 @@ pub struct Guidance<'a> {
     pub unit: &'a str,
     /// A setting and its value in the program's notation, as in `kriging.nugget = "estimated"`.
     pub setting: &'a dyn Fn(&str, &str) -> String,
-    /// How to leave out these observations (numbers from 0), as in `kriging.leave_out = [41]`; `None` if there is
-    /// no way.
+    /// The setting that leaves out observations (indices from 0), as in `kriging.leave_out = [41]`; `None` if
+    /// the program has none.
     pub without: &'a dyn Fn(&[usize]) -> Option<String>,
     /// Whether a nugget is estimated already.
     pub nugget: Nugget,

@@ -79,7 +79,7 @@ impl Kernel {
         correlation[0]
     }
 
-    /// a θ/h of the table above.
+    /// a θ/h of the module's table: a is this factor times the distance in ranges.
     pub(crate) fn length_factor(self) -> f64 {
         match self {
             Self::Matern52 | Self::RadialMatern52 => 5.0_f64.sqrt(),

@@ -42,7 +42,8 @@ mod warning;
 
 pub use data::Data;
 pub use error::Error;
-pub use fit::{FitOptions, fit};
+pub use fit::fit;
+pub use fit::options::{FitOptions, Nugget};
 pub use guidance::Guidance;
 pub use kernel::Kernel;
 pub use likelihood::gls::Trend;
@@ -50,7 +51,7 @@ pub use likelihood::prior::Estimator;
 pub use model::loo::LeaveOneOut;
 pub use model::predict::Prediction;
 pub use model::{Model, Parameters};
-pub use noise::{Noise, Nugget, smoothed_noise};
+pub use noise::{Noise, smoothed_noise};
 pub use surrogate::{Method, Response, Settings, Surrogate};
 pub use vecchia::{Vecchia, VecchiaOptions, fit_vecchia};
 pub use warning::{Names, Outlier, Warning};

@@ -21,16 +21,12 @@ pub(crate) mod prior;
 
 use std::borrow::Cow;
 
-use crate::data::scaled::Scaled;
+use crate::data::scaled::ScaledData;
 use crate::kernel::Kernel;
 use crate::linalg::{Lower, Spd, dot};
-use derivatives::At;
+use derivatives::EvaluationPoint;
 use gls::{Gls, Trend};
 use prior::{Estimator, Prior};
-
-/// Jitters, which are added to the diagonal, relative to the process variance, in the order of
-/// trial.
-pub(crate) const JITTERS: [f64; 6] = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4];
 
 /// noise/σ², or 0 without noise. It is limited so that no product of two overflows.
 pub(crate) fn noise_ratio(noise: f64, sigma2: f64) -> f64 {
@@ -42,8 +38,8 @@ pub(crate) fn noise_ratio(noise: f64, sigma2: f64) -> f64 {
 }
 
 /// C of the n points whose scaled coordinates are `columns`: their correlations, and on the
-/// diagonal 1 + jitter + noise/σ², the last from `ratio`. `memory` is that of an earlier matrix, or
-/// empty.
+/// diagonal 1 + jitter + noise/σ², the last from `ratio`. `memory` is the memory of an earlier matrix,
+/// or empty.
 pub(crate) fn covariance(
     kernel: Kernel,
     columns: &[Vec<f64>],
@@ -64,12 +60,13 @@ pub(crate) fn point(columns: &[Vec<f64>], k: usize) -> Vec<f64> {
     columns.iter().map(|column| column[k]).collect()
 }
 
-/// The quantities that an evaluation computes.
+/// The order of the derivatives that an evaluation computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub(crate) enum Order {
     Value,
+    /// The value and the gradient.
     Gradient,
-    /// The gradient and the curvature.
+    /// The value, the gradient and the curvature.
     Curvature,
 }
 
@@ -80,13 +77,13 @@ pub(crate) struct Evaluation {
     pub(crate) gradient: Vec<f64>,
     /// Row-major; empty unless asked for.
     pub(crate) curvature: Vec<f64>,
-    /// zᵀC⁻¹z/n: the process variance that would be best if the noise grew with it.
+    /// zᵀC⁻¹z/n: the maximum likelihood estimate of σ² with the ratios of noise to σ² kept.
     pub(crate) next_sigma2: f64,
 }
 
-/// The model whose likelihood it is.
+/// The form of the model: all but its parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Form {
+pub(crate) struct ModelForm {
     pub(crate) kernel: Kernel,
     pub(crate) estimator: Estimator,
     pub(crate) trend: Trend,
@@ -99,8 +96,8 @@ pub(crate) struct Form {
 /// The negative log likelihood as a function of (ln θ₁ … ln θ_d, ln σ²), or of (ln θ, ln σ²) when
 /// all ranges are tied; a nugget's ln τ² stands before ln σ².
 pub(crate) struct Likelihood<'a> {
-    form: Form,
-    data: Cow<'a, Scaled>,
+    form: ModelForm,
+    data: Cow<'a, ScaledData>,
     /// The trend's basis, column by column.
     basis: Vec<f64>,
     /// The noise variances with the nugget.
@@ -114,7 +111,7 @@ pub(crate) struct Likelihood<'a> {
 }
 
 impl<'a> Likelihood<'a> {
-    pub(crate) fn new(form: Form, data: Cow<'a, Scaled>, jitter: f64) -> Self {
+    pub(crate) fn new(form: ModelForm, data: Cow<'a, ScaledData>, jitter: f64) -> Self {
         Self {
             form,
             basis: form.trend.basis(&data.columns, data.len(), 0.5),
@@ -159,7 +156,7 @@ impl<'a> Likelihood<'a> {
         let gls = Gls::new(&self.basis, solved, n)?;
         gls.solve(&mut trend);
         let mut z = self.data.y.clone();
-        let columns = self.basis.chunks(n).zip(gls.solved().chunks(n));
+        let columns = self.basis.chunks(n).zip(gls.c_inv_f().chunks(n));
         for (coefficient, (f, s)) in trend.iter().zip(columns) {
             beta.iter_mut()
                 .zip(s)
@@ -183,7 +180,7 @@ impl<'a> Likelihood<'a> {
             next_sigma2: quadratic / count,
             ..Evaluation::default()
         };
-        let at = At {
+        let at = EvaluationPoint {
             count: parameters.len(),
             gls: &gls,
             z: &z,
@@ -224,7 +221,7 @@ impl<'a> Likelihood<'a> {
 
 /// The smallest negative log likelihood of independent observations y ~ N(μ, σ² + vᵢ) over μ and
 /// σ² ≥ 0: the value that a covariance without structure in x can reach.
-pub(crate) fn white_noise(data: &Scaled) -> f64 {
+pub(crate) fn white_noise(data: &ScaledData) -> f64 {
     let value = |ln_sigma2: f64| {
         let sigma2 = ln_sigma2.exp();
         let (mut weights, mut sum, mut logs) = (0.0, 0.0, 0.0);
@@ -270,9 +267,9 @@ mod tests {
     use stats::streams::{Purpose, stream};
 
     use super::*;
-    use crate::data::{Data, merge};
+    use crate::data::{Data, merge_repeated};
 
-    fn sample(n: usize, d: usize, noise: f64) -> Scaled {
+    fn sample(n: usize, d: usize, noise: f64) -> ScaledData {
         let mut rng = stream(1, Purpose::Test, n as u64, 0);
         let x: Vec<f64> = (0..n * d).map(|_| rng.random()).collect();
         let y: Vec<f64> = x
@@ -289,7 +286,7 @@ mod tests {
             y: &y,
             noise_variance: &noise_variance,
         };
-        Scaled::new(&merge(&data).unwrap().0).unwrap()
+        ScaledData::new(&merge_repeated(&data).unwrap().0).unwrap()
     }
 
     #[test]
@@ -317,7 +314,7 @@ mod tests {
                 } else {
                     Estimator::Likelihood
                 };
-                let form = Form {
+                let form = ModelForm {
                     kernel,
                     estimator,
                     trend,
@@ -354,7 +351,7 @@ mod tests {
     fn curvature_is_the_average_information() {
         // Symmetric with a positive diagonal, as a sum of uᵀPu must be.
         let data = sample(200, 2, 0.05);
-        let mut likelihood = Likelihood::new(Form::default(), Cow::Borrowed(&data), 0.0);
+        let mut likelihood = Likelihood::new(ModelForm::default(), Cow::Borrowed(&data), 0.0);
         let at = [-0.5, 0.1, 0.4];
         let c = likelihood
             .evaluate(&at, Order::Curvature)
@@ -368,7 +365,7 @@ mod tests {
         }
         // For σ² alone, without noise, u = z: the closed form is ½ zᵀC⁻¹z/σ².
         let data = sample(50, 2, 0.0);
-        let mut likelihood = Likelihood::new(Form::default(), Cow::Borrowed(&data), 0.0);
+        let mut likelihood = Likelihood::new(ModelForm::default(), Cow::Borrowed(&data), 0.0);
         let e = likelihood.evaluate(&at, Order::Curvature).unwrap();
         let closed = 0.5 * e.next_sigma2 * 50.0 / 0.4_f64.exp();
         assert!((e.curvature[8] / closed - 1.0).abs() < 1e-9);
@@ -377,7 +374,7 @@ mod tests {
     #[test]
     fn white_noise_is_the_limit_of_short_ranges() {
         let data = sample(60, 2, 0.05);
-        let mut likelihood = Likelihood::new(Form::default(), Cow::Borrowed(&data), 0.0);
+        let mut likelihood = Likelihood::new(ModelForm::default(), Cow::Borrowed(&data), 0.0);
         let best = (-400..200)
             .map(|i| likelihood.evaluate(&[-15.0, -15.0, 0.01 * f64::from(i)], Order::Value))
             .map(|e| e.unwrap().value)

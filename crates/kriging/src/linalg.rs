@@ -15,9 +15,14 @@ use faer::linalg::triangular_solve::{
 use faer::{Accum, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
+/// Jitters in the order of trial: additions to the diagonal of a covariance matrix, relative to the
+/// process variance.
+pub(crate) const JITTERS: [f64; 6] = [0.0, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4];
+
 /// Number of rows from which threads gain more than they cost.
 const SHARED: usize = 1000;
 
+/// The threads for a matrix of n rows.
 fn threads(n: usize) -> Par {
     if n < SHARED { Par::Seq } else { Par::rayon(0) }
 }
@@ -122,6 +127,7 @@ pub(crate) struct Spd {
 }
 
 impl Spd {
+    /// Factorises a matrix, given by its lower triangle.
     pub(crate) fn factor(mut matrix: Lower) -> Result<Self, NotPositiveDefinite> {
         let (n, par) = (matrix.n, threads(matrix.n));
         let mut memory =
@@ -172,8 +178,7 @@ impl Spd {
         solve_upper_triangular_in_place(self.factor.view().transpose(), b, par);
     }
 
-    /// The columns as a matrix. They get one thread only, since callers predict many batches at
-    /// once.
+    /// The columns as a matrix, and one thread only, since callers predict many batches at once.
     fn columns<'a>(&self, columns: &'a mut [f64]) -> (MatMut<'a, f64>, Par) {
         let n = self.len();
         let count = columns.len() / n.max(1);
@@ -213,7 +218,7 @@ impl Spd {
         (0..self.len()).map(square).collect()
     }
 
-    /// L⁻¹.
+    /// L⁻¹, in the memory `values`.
     pub(crate) fn half_inverse(&self, mut values: Vec<f64>) -> Lower {
         values.resize(self.factor.values.len(), 0.0);
         let mut half = Lower {
@@ -225,7 +230,7 @@ impl Spd {
     }
 
     /// The matrix with m more rows and columns. `cross` holds the m new columns in the old n rows,
-    /// `corner` the new columns in the new rows. `None` if only rounding is left of a new row.
+    /// `corner` the new columns in the new rows. `None` if a new row depends on the others up to rounding.
     pub(crate) fn append_rows(&self, mut cross: Vec<f64>, corner: &Lower) -> Option<Self> {
         let (n, m) = (self.len(), corner.n);
         self.half_solve(&mut cross);

@@ -4,7 +4,6 @@ pub(crate) mod calibration;
 pub(crate) mod coordinates;
 pub(crate) mod loo;
 pub(crate) mod predict;
-mod stored;
 mod update;
 
 use std::sync::OnceLock;
@@ -12,8 +11,8 @@ use std::sync::OnceLock;
 use crate::data::Points;
 use crate::kernel::Kernel;
 use crate::likelihood::gls::{Gls, Trend};
-use crate::likelihood::{JITTERS, covariance, noise_ratio};
-use crate::linalg::{NotPositiveDefinite, Spd, dot};
+use crate::likelihood::{covariance, noise_ratio};
+use crate::linalg::{JITTERS, NotPositiveDefinite, Spd, dot};
 use crate::{Error, Warning};
 use coordinates::Coordinates;
 
@@ -44,19 +43,20 @@ pub struct Model {
     pub(crate) parameters: Parameters,
     pub(crate) warnings: Vec<Warning>,
     pub(crate) jitter: f64,
-    /// The factor of the predicted variances.
+    /// The factor by which predicted variances are multiplied.
     pub(crate) calibration: f64,
     /// C⁻¹(y − Fμ), see [`crate::likelihood`].
     pub(crate) weights: Vec<f64>,
+    /// Negative log likelihood of the observations.
     pub(crate) nll: f64,
     pub(crate) coordinates: Coordinates,
-    /// Computed when a variance is first asked for.
-    solved: OnceLock<Solved>,
+    /// Computed at the first call that needs a variance.
+    factorisation: OnceLock<Factorisation>,
 }
 
-/// The factor of C, and the trend's normal equations.
+/// The Cholesky factor of C, and the trend's normal equations.
 #[derive(Debug, Clone)]
-pub(crate) struct Solved {
+pub(crate) struct Factorisation {
     pub(crate) factor: Spd,
     /// C⁻¹F and FᵀC⁻¹F.
     pub(crate) gls: Gls,
@@ -77,13 +77,13 @@ impl Model {
 
     /// Factorises C, with more jitter if needed, and estimates the trend and the weights.
     pub(crate) fn factorised(mut self) -> Result<Self, Error> {
-        let (solved, used) = self.try_solve()?;
+        let (factorisation, used) = self.try_factorise()?;
         self.jitter = used;
-        self.estimate_trend(solved);
+        self.estimate_trend(factorisation);
         self.checked()
     }
 
-    /// The model, if all numbers it predicts with are finite.
+    /// The model; [`Error::Extent`] unless all numbers that predictions use are finite.
     pub(crate) fn checked(self) -> Result<Self, Error> {
         let Parameters {
             mu, sigma2, slopes, ..
@@ -97,22 +97,22 @@ impl Model {
     }
 
     /// Estimates the trend, the weights and the likelihood from the factor of C.
-    pub(crate) fn estimate_trend(&mut self, solved: Solved) {
+    pub(crate) fn estimate_trend(&mut self, factorisation: Factorisation) {
         let n = self.points.len();
         let centre = self.points.y.iter().sum::<f64>() / n as f64;
         let mut weights: Vec<f64> = self.points.y.iter().map(|y| y - centre).collect();
-        let columns = solved.gls.solved().chunks(n);
+        let columns = factorisation.gls.c_inv_f().chunks(n);
         let mut coefficients: Vec<f64> = columns.map(|s| dot(&weights, s)).collect();
-        solved.gls.solve(&mut coefficients);
+        factorisation.gls.solve(&mut coefficients);
         for (coefficient, column) in coefficients.iter().zip(self.basis().chunks(n)) {
             for (weight, f) in weights.iter_mut().zip(column) {
                 *weight -= coefficient * f;
             }
         }
         let z = weights.clone();
-        solved.factor.solve(&mut weights);
+        factorisation.factor.solve(&mut weights);
         let quadratic = dot(&z, &weights);
-        self.nll = self.likelihood(&solved, quadratic) + self.points.within;
+        self.nll = self.likelihood(&factorisation, quadratic) + self.points.within;
         self.parameters.mu = centre + coefficients[0];
         self.parameters.slopes = match self.trend {
             Trend::Constant => Vec::new(),
@@ -126,25 +126,25 @@ impl Model {
             }
         };
         self.weights = weights;
-        self.solved = OnceLock::from(solved);
+        self.factorisation = OnceLock::from(factorisation);
     }
 
     /// −ln L of the points, given (y − Fμ)ᵀC⁻¹(y − Fμ).
-    fn likelihood(&self, solved: &Solved, quadratic: f64) -> f64 {
+    fn likelihood(&self, factorisation: &Factorisation, quadratic: f64) -> f64 {
         let n = self.points.len();
         let sigma2 = self.parameters.sigma2;
         0.5 * (n as f64 * (std::f64::consts::TAU.ln() + sigma2.ln())
-            + solved.factor.log_det()
+            + factorisation.factor.log_det()
             + quadratic / sigma2)
     }
 
-    /// −ln L of the points, without what merged observations add.
+    /// −ln L of the points, without the contribution of merged observations ([`Points::within`]).
     pub(crate) fn likelihood_of_points(&self) -> f64 {
         let n = self.points.len();
         let z: Vec<f64> = (0..n)
             .map(|i| self.points.y[i] - self.trend_at(self.points.row(i)))
             .collect();
-        self.likelihood(self.solved(), dot(&z, &self.weights))
+        self.likelihood(self.factorisation(), dot(&z, &self.weights))
     }
 
     /// The trend's basis at the points, column by column.
@@ -204,7 +204,7 @@ impl Model {
             weights: Vec::new(),
             nll: 0.0,
             coordinates,
-            solved: OnceLock::new(),
+            factorisation: OnceLock::new(),
         }
     }
 
@@ -252,26 +252,27 @@ impl Model {
         (relative > 0.0).then_some(Warning::Jitter { relative })
     }
 
-    /// What a user of the model should know about the data and the fit.
+    /// The warnings about the data and the fit.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
     }
 
-    pub(crate) fn solved(&self) -> &Solved {
-        self.solved.get_or_init(|| {
+    /// The factorisation of C, computed at the first call.
+    pub(crate) fn factorisation(&self) -> &Factorisation {
+        self.factorisation.get_or_init(|| {
             // The matrix could be factorised when the model was made. A factor to which rows were
             // appended differs from this one in the last bits; a little more jitter absorbs the
             // difference.
-            let (solved, _) = self
-                .try_solve()
+            let (factorisation, _) = self
+                .try_factorise()
                 .expect("a correlation matrix with 1e-4 on its diagonal is positive definite");
-            solved
+            factorisation
         })
     }
 
     /// Factorises C with the model's jitter or the next larger one that suffices.
-    fn try_solve(&self) -> Result<(Solved, f64), Error> {
+    fn try_factorise(&self) -> Result<(Factorisation, f64), Error> {
         let n = self.points.len();
         let Parameters { sigma2, nugget, .. } = self.parameters;
         let levels = JITTERS.into_iter().filter(|j| *j > self.jitter);
@@ -283,7 +284,7 @@ impl Model {
             match Spd::factor(matrix) {
                 Ok(factor) => {
                     if let Some(gls) = self.solve_trend(&factor) {
-                        return Ok((Solved { factor, gls }, jitter));
+                        return Ok((Factorisation { factor, gls }, jitter));
                     }
                 }
                 Err(NotPositiveDefinite { pivot }) => observation = Some(self.points.first[pivot]),
@@ -296,8 +297,8 @@ impl Model {
     pub(crate) fn solve_trend(&self, factor: &Spd) -> Option<Gls> {
         let n = self.points.len();
         let basis = self.basis();
-        let mut solved = basis.clone();
-        factor.solve(&mut solved);
-        Gls::new(&basis, solved, n)
+        let mut c_inv_f = basis.clone();
+        factor.solve(&mut c_inv_f);
+        Gls::new(&basis, c_inv_f, n)
     }
 }

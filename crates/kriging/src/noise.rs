@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use statrs::function::gamma::digamma;
 use stats::streams::{Purpose, stream};
 
-use crate::{Data, Error, FitOptions, fit};
+use crate::{Data, Error, FitOptions, Nugget, fit};
 
 /// Number of points that the parameters of the variance model are estimated from; its predictions
 /// use all points.
@@ -53,25 +53,6 @@ impl Noise {
         let of_one: Vec<f64> = own.iter().zip(samples).map(|(v, n)| v * n).collect();
         let smooth = smoothed_noise(x, d, &of_one, freedom, seed)?;
         Ok(smooth.iter().zip(samples).map(|(v, n)| v / n).collect())
-    }
-}
-
-/// Whether a noise variance is estimated besides the known ones.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Nugget {
-    /// Only the known variances.
-    #[default]
-    Known,
-    /// One more variance, the same for all observations, is estimated and added.
-    /// Repeated observations of a point are then not merged, since their scatter determines the nugget; the
-    /// fit takes the time of that many points. Only noise-free copies of one observation count once.
-    Estimated,
-}
-
-impl Nugget {
-    pub(crate) fn is_estimated(self) -> bool {
-        self == Self::Estimated
     }
 }
 

@@ -1,12 +1,15 @@
 //! A model by any method, of the response or of its logarithm.
 
+mod stored;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::function::erf::erfc_inv;
 
 use crate::data::Data;
+use crate::fit::fit;
+use crate::fit::options::FitOptions;
 use crate::fit::report::check_structure;
-use crate::fit::{FitOptions, fit};
 use crate::kernel::Kernel;
 use crate::model::predict::Prediction;
 use crate::model::{Model, Parameters};
@@ -60,12 +63,13 @@ pub struct Settings {
 /// exp(2 mean) times that of ln y.
 #[derive(Debug, Clone)]
 pub struct Surrogate {
-    pub(crate) model: Either,
+    pub(crate) model: AnyModel,
     pub(crate) response: Response,
 }
 
+/// A model by either method, on the modelled scale.
 #[derive(Debug, Clone)]
-pub(crate) enum Either {
+pub(crate) enum AnyModel {
     Exact(Model),
     Vecchia(Vecchia),
 }
@@ -73,7 +77,7 @@ pub(crate) enum Either {
 impl From<Model> for Surrogate {
     fn from(model: Model) -> Self {
         Self {
-            model: Either::Exact(model),
+            model: AnyModel::Exact(model),
             response: Response::Plain,
         }
     }
@@ -82,18 +86,18 @@ impl From<Model> for Surrogate {
 impl From<Vecchia> for Surrogate {
     fn from(model: Vecchia) -> Self {
         Self {
-            model: Either::Vecchia(model),
+            model: AnyModel::Vecchia(model),
             response: Response::Plain,
         }
     }
 }
 
-/// Calls a method that both models have.
-macro_rules! either {
+/// Calls a method that both kinds of model have.
+macro_rules! of_model {
     ($surrogate:expr, $model:ident => $call:expr) => {
         match &$surrogate.model {
-            Either::Exact($model) => $call,
-            Either::Vecchia($model) => $call,
+            AnyModel::Exact($model) => $call,
+            AnyModel::Vecchia($model) => $call,
         }
     };
 }
@@ -103,8 +107,8 @@ impl Surrogate {
     ///
     /// # Errors
     ///
-    /// The errors of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] where the method is the
-    /// approximate one and the settings ask for a linear trend; [`Error::Logarithm`] for the logarithm of an observation that is not positive.
+    /// The errors of [`fit()`] and [`fit_vecchia`]; [`Error::ExactOnly`] for a linear trend with the
+    /// approximate method; [`Error::Logarithm`] for the logarithm of an observation that is not positive.
     pub fn fit(data: &Data<'_>, settings: &Settings) -> Result<Self, Error> {
         let response = settings.response;
         let logarithms = match response {
@@ -125,9 +129,9 @@ impl Surrogate {
             Method::Vecchia => false,
         };
         let model = if is_exact {
-            Either::Exact(fit(&data, &settings.fit)?)
+            AnyModel::Exact(fit(&data, &settings.fit)?)
         } else {
-            Either::Vecchia(approximate(&data, &settings.fit)?)
+            AnyModel::Vecchia(approximate(&data, &settings.fit)?)
         };
         Ok(Self { model, response })
     }
@@ -139,7 +143,7 @@ impl Surrogate {
     /// If `x` has another length than [`Surrogate::dimensions`].
     #[must_use]
     pub fn mean(&self, x: &[f64]) -> f64 {
-        self.in_units_of_y(either!(self, model => model.mean(x)))
+        self.in_units_of_y(of_model!(self, model => model.mean(x)))
     }
 
     /// [`Surrogate::mean`] at many points: row-major, any number of rows.
@@ -148,7 +152,7 @@ impl Surrogate {
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn means(&self, x: &[f64]) -> Result<Vec<f64>, Error> {
-        let means = either!(self, model => model.means(x))?;
+        let means = of_model!(self, model => model.means(x))?;
         Ok(means.into_iter().map(|m| self.in_units_of_y(m)).collect())
     }
 
@@ -158,7 +162,7 @@ impl Surrogate {
     ///
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
-        let predictions = either!(self, model => model.predict_many(x))?;
+        let predictions = of_model!(self, model => model.predict_many(x))?;
         let in_units = |Prediction { mean, variance }| {
             let mean = self.in_units_of_y(mean);
             let variance = match self.response {
@@ -182,6 +186,7 @@ impl Surrogate {
         }
     }
 
+    /// A value on the modelled scale in units of y.
     fn in_units_of_y(&self, modelled: f64) -> f64 {
         match self.response {
             Response::Plain => modelled,
@@ -193,7 +198,7 @@ impl Surrogate {
     /// root mean square are in units of y, and the standardised residuals are those of ln y.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
-        let modelled = either!(self, model => model.leave_one_out());
+        let modelled = of_model!(self, model => model.leave_one_out());
         match self.response {
             Response::Plain => modelled,
             Response::Log => modelled.exponentiated(&self.observations()),
@@ -202,7 +207,7 @@ impl Surrogate {
 
     /// The observations on the modelled scale in the order of [`LeaveOneOut::residuals`].
     fn observations(&self) -> Vec<f64> {
-        let points = either!(self, model => &model.points);
+        let points = of_model!(self, model => &model.points);
         points.by_first().into_iter().map(|i| points.y[i]).collect()
     }
 
@@ -217,16 +222,17 @@ impl Surrogate {
         self.modelled_likelihood() + jacobian
     }
 
+    /// −ln L of the modelled quantity.
     pub(crate) fn modelled_likelihood(&self) -> f64 {
-        either!(self, model => model.negative_log_likelihood())
+        of_model!(self, model => model.negative_log_likelihood())
     }
 
     /// The exact model, on the modelled scale.
     #[must_use]
     pub fn exact(&self) -> Option<&Model> {
         match &self.model {
-            Either::Exact(model) => Some(model),
-            Either::Vecchia(_) => None,
+            AnyModel::Exact(model) => Some(model),
+            AnyModel::Vecchia(_) => None,
         }
     }
 
@@ -234,8 +240,8 @@ impl Surrogate {
     #[must_use]
     pub fn vecchia(&self) -> Option<&Vecchia> {
         match &self.model {
-            Either::Exact(_) => None,
-            Either::Vecchia(model) => Some(model),
+            AnyModel::Exact(_) => None,
+            AnyModel::Vecchia(model) => Some(model),
         }
     }
 
@@ -248,38 +254,38 @@ impl Surrogate {
     /// The parameters of the process, on the modelled scale.
     #[must_use]
     pub fn parameters(&self) -> &Parameters {
-        either!(self, model => model.parameters())
+        of_model!(self, model => model.parameters())
     }
 
     /// The correlation function.
     #[must_use]
     pub fn kernel(&self) -> Kernel {
-        either!(self, model => model.kernel())
+        of_model!(self, model => model.kernel())
     }
 
     /// Number of coordinates d of a point.
     #[must_use]
     pub fn dimensions(&self) -> usize {
-        either!(self, model => model.dimensions())
+        of_model!(self, model => model.dimensions())
     }
 
     /// Number of distinct points.
     #[must_use]
     pub fn points(&self) -> usize {
-        either!(self, model => model.points())
+        of_model!(self, model => model.points())
     }
 
     /// The box that the points span: lowest and highest value of each of the d coordinates.
     #[must_use]
     pub fn bounds(&self) -> Vec<[f64; 2]> {
-        let points = either!(self, model => &model.points);
+        let points = of_model!(self, model => &model.points);
         (0..points.d).map(|j| points.interval(j)).collect()
     }
 
     /// The factor of the predicted variances: 1 unless they were calibrated.
     #[must_use]
     pub fn calibration(&self) -> f64 {
-        either!(self, model => model.calibration())
+        of_model!(self, model => model.calibration())
     }
 
     /// The variance of an observation's noise, on the modelled scale: the nugget and the mean of the known noise
@@ -287,7 +293,7 @@ impl Surrogate {
     /// mean.
     #[must_use]
     pub fn noise_variance(&self) -> f64 {
-        let noise = either!(self, model => &model.points.noise);
+        let noise = of_model!(self, model => &model.points.noise);
         self.parameters().nugget + noise.iter().sum::<f64>() / noise.len() as f64
     }
 
@@ -306,10 +312,10 @@ impl Surrogate {
         }
     }
 
-    /// What a user of the model should know about the data and the fit.
+    /// The warnings about the data and the fit.
     #[must_use]
     pub fn warnings(&self) -> &[Warning] {
-        either!(self, model => model.warnings())
+        of_model!(self, model => model.warnings())
     }
 }
 
@@ -323,6 +329,7 @@ fn logarithms(data: &Data<'_>) -> Result<(Vec<f64>, Vec<f64>), Error> {
     Ok(pairs.map(|(y, v)| (y.ln(), v / (y * y))).unzip())
 }
 
+/// Fits by nearest-neighbour conditioning; refuses options that only the exact fit has.
 fn approximate(data: &Data<'_>, options: &FitOptions) -> Result<Vecchia, Error> {
     if options.trend != Trend::Constant {
         return Err(Error::ExactOnly {

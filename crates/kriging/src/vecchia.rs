@@ -22,7 +22,7 @@
 //!   Statist. Soc. B 50 (1988) 297–312.
 //! - J. Guinness, "Permutation and grouping methods for sharpening Gaussian process
 //!   approximations", Technometrics 60 (2018) 415–429.
-//! - M. Katzfuss, J. Guinness, E. Lawrence, "Scaled Vecchia approximation for fast computer-model
+//! - M. Katzfuss, J. Guinness, E. Lawrence, "ScaledData Vecchia approximation for fast computer-model
 //!   emulation", SIAM/ASA J. Uncertainty Quantification 10 (2022) 537–554.
 
 mod conditional;
@@ -33,10 +33,10 @@ use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
-use crate::data::scaled::Scaled;
-use crate::data::{Data, Points, contradiction, keep, merge};
+use crate::data::scaled::ScaledData;
+use crate::data::{Data, Points, contradiction, keep_repeated, merge_repeated};
 use crate::fit::report::{few_points, no_structure};
-use crate::fit::{Start, constant_sigma2, in_units_of_data, start_from_subset};
+use crate::fit::{SubsetFit, constant_sigma2, fit_subset, in_units_of_data};
 use crate::kernel::Kernel;
 use crate::likelihood::{noise_ratio, point};
 use crate::model::Parameters;
@@ -57,7 +57,7 @@ pub struct VecchiaOptions {
     pub seed: u64,
     /// Neighbours m that each observation is conditioned on in the likelihood.
     pub neighbours: usize,
-    /// Observations that a prediction is made from.
+    /// Nearest observations that a prediction uses.
     pub prediction_neighbours: usize,
     /// Whether a nugget is estimated.
     pub nugget: Nugget,
@@ -93,7 +93,7 @@ pub struct Vecchia {
     noise_ratio: Vec<f64>,
     /// Observations less the mean.
     centred: Vec<f64>,
-    /// The factor of the predicted variances.
+    /// The factor by which predicted variances are multiplied.
     pub(crate) calibration: f64,
 }
 
@@ -114,16 +114,16 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         return Err(Error::OutOfRange { what, value: 0.0 });
     }
     let (points, mut warnings) = if options.nugget.is_estimated() {
-        keep(data)?
+        keep_repeated(data)?
     } else {
-        merge(data)?
+        merge_repeated(data)?
     };
     let n = points.len();
     let distinct = points.distinct();
     if distinct < 2 {
         return Err(Error::TooFewPoints { distinct });
     }
-    let scaled = Scaled::new(&points)?;
+    let scaled = ScaledData::new(&points)?;
     if !options.nugget.is_estimated() {
         contradiction::check(&points, &scaled)?;
     }
@@ -134,12 +134,12 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     order.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
     if scaled.y.iter().all(|y| *y == scaled.y[0]) {
         warnings.push(Warning::ConstantResponse);
-        let process = Process {
+        let process = ScaledParameters {
             ln_ranges: vec![0.5_f64.ln(); scaled.active.len()],
             nugget: 0.0,
             sigma2: constant_sigma2(&scaled),
         };
-        let (model, _) = finish(options, points, &scaled, order, &process)?;
+        let (model, _) = with_parameters(options, points, &scaled, order, &process)?;
         return Ok(Vecchia { warnings, ..model });
     }
 
@@ -151,14 +151,14 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
         ..FitOptions::default()
     };
     let subset = scaled.subset(&subset(&points, &order, options.subset.clamp(2, n)));
-    let Start {
+    let SubsetFit {
         ln_ranges,
         nugget,
         sigma2,
         ranges,
         warnings: of_subset,
-    } = start_from_subset(&subset, n, &exact)?;
-    let process = Process {
+    } = fit_subset(&subset, n, &exact)?;
+    let process = ScaledParameters {
         ln_ranges,
         nugget,
         sigma2,
@@ -166,7 +166,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     let variances = usize::from(options.nugget.is_estimated());
     // The ranges, the nugget, σ² and μ.
     warnings.extend(few_points(distinct, ranges + variances + 2));
-    let (mut fitted, value) = finish(options, points, &scaled, order, &process)?;
+    let (mut fitted, value) = with_parameters(options, points, &scaled, order, &process)?;
     warnings.extend(no_structure(&scaled, value, ranges + variances));
     warnings.extend(of_subset);
     warnings.extend(fitted.warnings_of_residuals(options.neighbours));
@@ -175,7 +175,7 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
 }
 
 /// The parameters of the covariance in units of the scaled data.
-struct Process {
+struct ScaledParameters {
     ln_ranges: Vec<f64>,
     nugget: f64,
     sigma2: f64,
@@ -201,14 +201,14 @@ fn subset(points: &Points, order: &[usize], count: usize) -> Vec<usize> {
     subset
 }
 
-/// The model with given parameters, its mean and likelihood from all points, and that likelihood in units of
-/// the scaled data. `order` is random.
-fn finish(
+/// The model with given covariance parameters, its mean and likelihood from all points, and that likelihood in
+/// units of the scaled data. `order` is random.
+fn with_parameters(
     options: &VecchiaOptions,
     points: Points,
-    scaled: &Scaled,
+    scaled: &ScaledData,
     order: Vec<usize>,
-    process: &Process,
+    process: &ScaledParameters,
 ) -> Result<(Vecchia, f64), Error> {
     let n = points.len();
     let range = |k: usize| process.ln_ranges[k].exp();
@@ -236,12 +236,12 @@ fn finish(
 /// μ = Σ r_1 r_y/D / Σ r_1²/D.
 fn likelihood(
     options: &VecchiaOptions,
-    scaled: &Scaled,
+    scaled: &ScaledData,
     random: Vec<usize>,
-    process: &Process,
+    process: &ScaledParameters,
 ) -> (f64, f64) {
     let n = scaled.len();
-    let Process {
+    let ScaledParameters {
         ln_ranges,
         nugget,
         sigma2,
@@ -327,7 +327,7 @@ impl Vecchia {
         }
     }
 
-    /// The process at the scaled coordinates `at` from the observations `near`.
+    /// The process at the scaled coordinates `at` given the observations `near`.
     fn given(&self, near: &[u32], at: &[f64]) -> Conditional<1> {
         let all = conditional::Points {
             kernel: self.kernel,
@@ -337,7 +337,7 @@ impl Vecchia {
         all.given(near, at, [&self.centred])
     }
 
-    /// The mean at `x` alone.
+    /// The mean of [`Vecchia::predict`].
     ///
     /// # Panics
     ///
@@ -369,9 +369,9 @@ impl Vecchia {
         Ok(rows.into_par_iter().map(|x| self.mean(x)).collect())
     }
 
-    /// Number of observations a prediction is made from.
+    /// Number of observations that a prediction uses.
     #[must_use]
-    pub fn conditioning(&self) -> usize {
+    pub fn prediction_neighbours(&self) -> usize {
         self.neighbours
     }
 
@@ -405,7 +405,7 @@ impl Vecchia {
         self.nll
     }
 
-    /// What a user of the model should know about the data and the fit. Warnings about undetermined
+    /// The warnings about the data and the fit. Warnings about undetermined
     /// ranges and a search that did not converge concern the fit of the subset; outliers are judged
     /// from the nearest neighbours that the likelihood uses.
     #[must_use]

@@ -1,8 +1,10 @@
+//! Warnings about the data or the fit, and their texts.
+
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Something about the data or the fit that a user of the model should know.
+/// A property of the data or of the fit that a user of the model should know.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "kind")]
 #[non_exhaustive]
@@ -220,7 +222,7 @@ impl Warning {
     }
 }
 
-/// The text of a parameter at a bound: what the lower one means, and what the upper one.
+/// The text of a parameter at a bound, with the meaning of the lower or of the upper one.
 fn at_bound(parameter: &str, upper: bool, of_lower: &str, of_upper: &str) -> String {
     let (bound, meaning) = if upper {
         ("upper", of_upper)

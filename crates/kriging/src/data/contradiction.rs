@@ -1,23 +1,23 @@
-//! Observations at nearly the same point that no smooth function can both have.
+//! Pairs of observations at nearly the same point that no smooth function can explain.
 
 use crate::Error;
-use crate::data::scaled::Scaled;
+use crate::data::scaled::ScaledData;
 use crate::data::{Points, near};
 
 /// Distance in each coordinate, relative to its extent, up to which points are nearly the same. A
 /// process whose shortest range is 1e-6 of the extent changes by a thousandth of its deviation over
 /// this distance.
 const NEARLY: f64 = 1e-9;
-/// Permitted difference, in standard deviations of its noise. 2e-9 of normal differences are
-/// larger.
+/// Permitted difference, in standard deviations of its noise. A normal difference is larger with a
+/// probability of 2e-9.
 const DEVIATIONS: f64 = 6.0;
-/// Permitted difference beyond that, relative to the standard deviation of all observations: the
-/// largest jitter can still explain as much.
+/// Permitted difference beyond the noise, relative to the standard deviation of all observations: the
+/// largest jitter still explains such a difference.
 const SMALL: f64 = 1e-2;
 
-/// [`Error::Contradiction`] for the pair of observations that contradict each other worst, if any
-/// do.
-pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
+/// [`Error::Contradiction`] for the pair of observations that contradict each other most, if there is
+/// one.
+pub(crate) fn check(points: &Points, scaled: &ScaledData) -> Result<(), Error> {
     let mut worst: Option<(f64, [usize; 2])> = None;
     let nearly = vec![NEARLY; scaled.columns.len()];
     for group in near::groups(&scaled.columns, &nearly, scaled.len()) {
@@ -50,14 +50,14 @@ pub(crate) fn check(points: &Points, scaled: &Scaled) -> Result<(), Error> {
 }
 
 /// The largest permitted difference of two observations at nearly the same point, in scaled units.
-fn permitted(scaled: &Scaled, a: usize, b: usize) -> f64 {
+fn permitted(scaled: &ScaledData, a: usize, b: usize) -> f64 {
     let noise = scaled.noise[a] + scaled.noise[b];
     DEVIATIONS * noise.sqrt() + SMALL
 }
 
 /// The difference of two observations as a multiple of the permitted one, if they contradict each
 /// other.
-fn excess(scaled: &Scaled, a: usize, b: usize) -> Option<f64> {
+fn excess(scaled: &ScaledData, a: usize, b: usize) -> Option<f64> {
     let mut gaps = scaled.columns.iter().map(|c| (c[a] - c[b]).abs());
     if gaps.any(|gap| gap > NEARLY) {
         return None;

@@ -1,4 +1,4 @@
-//! The observations in the units of the search.
+//! The data in the units of the likelihood search.
 
 use crate::Error;
 use crate::data::{Points, mean};
@@ -6,12 +6,12 @@ use crate::data::{Points, mean};
 /// Bounds of σ², relative to the variance of the observations.
 pub(crate) const SIGMA2_BOUNDS: (f64, f64) = (1e-8, 1e6);
 
-/// The points in units of their own extent, for the likelihood search.
+/// Points in units of their extent, and observations centred and in units of their standard deviation.
 #[derive(Debug, Clone)]
-pub(crate) struct Scaled {
+pub(crate) struct ScaledData {
     /// Coordinate-major: `columns[j][i]` in 0…1. Coordinates in which all points agree are absent.
     pub(crate) columns: Vec<Vec<f64>>,
-    /// For each column, which coordinate of the points it is.
+    /// Index of each column's coordinate among the d coordinates of the points.
     pub(crate) active: Vec<usize>,
     /// Extent of each column, in units of x.
     pub(crate) extents: Vec<f64>,
@@ -22,7 +22,7 @@ pub(crate) struct Scaled {
     pub(crate) y_scale: f64,
 }
 
-impl Scaled {
+impl ScaledData {
     pub(crate) fn new(points: &Points) -> Result<Self, Error> {
         let (mut columns, mut active, mut extents) = (Vec::new(), Vec::new(), Vec::new());
         for j in 0..points.d {
@@ -100,7 +100,7 @@ impl Scaled {
     }
 }
 
-/// The observations that the scale of y is taken from: all but those whose noise variance exceeds a
+/// The observations from which the scale of y is computed: all but those whose noise variance exceeds a
 /// million times both the median noise variance and the square of the observations' median distance
 /// from their median. Such an observation carries no information, but its noise, or its value,
 /// would make all others look alike.

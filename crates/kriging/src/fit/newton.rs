@@ -12,11 +12,11 @@ use crate::linalg::{Lower, Spd, dot};
 /// The most one step may change any variable; the variables are logarithms.
 const LONGEST_STEP: f64 = 2.0;
 
-/// Armijo's constant.
+/// Armijo's constant: the least decrease of an accepted step, relative to that of the tangent.
 const SUFFICIENT: f64 = 1e-4;
 
-/// Predicted decrease that may be rounding of value and gradient: below it, a search that no step
-/// improves counts as converged. In a log likelihood so little is insignificant.
+/// Predicted decrease below which a search that no step improves counts as converged: it may be
+/// rounding of value and gradient, and is insignificant in a log likelihood.
 const HIDDEN: f64 = 1e-3;
 
 /// The most lengths tried for a step: an evaluation can take seconds.
@@ -24,8 +24,10 @@ const LENGTHS: usize = 20;
 /// The most lengths tried when no more than [`HIDDEN`] is to be gained.
 const FEW_LENGTHS: usize = 4;
 
+/// The end of a search.
 #[derive(Debug, Clone)]
 pub(crate) struct Outcome {
+    /// The variables of the least value.
     pub(crate) at: Vec<f64>,
     pub(crate) value: f64,
     pub(crate) iterations: usize,
@@ -34,6 +36,7 @@ pub(crate) struct Outcome {
     pub(crate) met_failure: bool,
 }
 
+/// The box of a search and its stopping rules.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Limits<'a> {
     pub(crate) lower: &'a [f64],

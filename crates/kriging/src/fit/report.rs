@@ -1,8 +1,8 @@
 //! Warnings about a search and its parameters.
 
-use super::stages::{Found, SCREENING};
+use super::stages::{Optimum, SCREENING};
 use super::starts::Search;
-use crate::data::scaled::Scaled;
+use crate::data::scaled::ScaledData;
 use crate::likelihood::white_noise;
 use crate::{Error, Warning};
 
@@ -27,7 +27,7 @@ pub(crate) fn few_points(distinct: usize, parameters: usize) -> Option<Warning> 
 
 /// The warning about a log likelihood that hardly exceeds that of a constant plus noise. `value` is
 /// the model's negative log likelihood, `needed` the number of its additional parameters.
-pub(crate) fn no_structure(data: &Scaled, value: f64, needed: usize) -> Option<Warning> {
+pub(crate) fn no_structure(data: &ScaledData, value: f64, needed: usize) -> Option<Warning> {
     let gain = white_noise(data) - value;
     let needed = needed as f64;
     (gain < needed).then_some(Warning::NoStructure { gain, needed })
@@ -43,23 +43,23 @@ pub(crate) fn check_structure(warnings: &[Warning]) -> Result<(), Error> {
 }
 
 impl Search<'_> {
-    /// All warnings about the parameters found. `distinct` is the number of distinct points.
-    pub(super) fn warnings(&self, found: &Found, distinct: usize) -> Vec<Warning> {
+    /// All warnings about the parameters at the optimum. `distinct` is the number of distinct points.
+    pub(super) fn warnings(&self, optimum: &Optimum, distinct: usize) -> Vec<Warning> {
         let d = self.data.active.len();
         let trend = self.options.trend.coefficients(d);
         let few_points = few_points(distinct, self.lower.len() + trend);
         // Parameters beyond those of a constant plus noise.
         let slopes = trend - 1;
-        let needed = found.outcome.at.len() - 1 + slopes;
-        let ln_ranges = &found.outcome.at[..if self.tied { 1 } else { d }];
+        let needed = optimum.outcome.at.len() - 1 + slopes;
+        let ln_ranges = &optimum.outcome.at[..if self.tied { 1 } else { d }];
         let of_prior = self.options.estimator.of_prior(d, ln_ranges);
-        let value = found.outcome.value - of_prior;
+        let value = optimum.outcome.value - of_prior;
         let no_structure = no_structure(self.data, value, needed);
         let of_points = few_points.into_iter().chain(no_structure);
         let of_search = self
-            .at_bounds(found)
+            .at_bounds(optimum)
             .into_iter()
-            .chain(self.of_search(found));
+            .chain(self.of_search(optimum));
         of_points.chain(of_search).collect()
     }
 
@@ -73,8 +73,8 @@ impl Search<'_> {
     }
 
     /// The warnings about parameters that ended at a bound.
-    pub(super) fn at_bounds(&self, found: &Found) -> Vec<Warning> {
-        let at = &found.outcome.at;
+    pub(super) fn at_bounds(&self, optimum: &Optimum) -> Vec<Warning> {
+        let at = &optimum.outcome.at;
         let active = &self.data.active;
         let mut warnings = Vec::new();
         // A range that several coordinates share has a warning of its own.
@@ -104,11 +104,11 @@ impl Search<'_> {
     }
 
     /// The warnings about the course of the search and about ranges that the data do not determine.
-    pub(super) fn of_search(&self, found: &Found) -> Vec<Warning> {
+    pub(super) fn of_search(&self, optimum: &Optimum) -> Vec<Warning> {
         let mut warnings = Vec::new();
-        if !found.outcome.converged {
+        if !optimum.outcome.converged {
             warnings.push(Warning::NotConverged {
-                iterations: found.outcome.iterations,
+                iterations: optimum.outcome.iterations,
             });
         }
         if self.tied {
@@ -118,7 +118,7 @@ impl Search<'_> {
             });
             return warnings;
         }
-        let coordinates = self.flat(found);
+        let coordinates = self.flat(optimum);
         if !coordinates.is_empty() {
             warnings.push(Warning::FlatRanges { coordinates });
         }
@@ -127,8 +127,8 @@ impl Search<'_> {
 
     /// The coordinates whose ranges the data do not determine. Ranges at a bound have their own
     /// warning.
-    fn flat(&self, found: &Found) -> Vec<usize> {
-        let at = &found.outcome.at;
+    fn flat(&self, optimum: &Optimum) -> Vec<usize> {
+        let at = &optimum.outcome.at;
         let active = &self.data.active;
         // A range that some points determine is determined by all; only the others are tested on
         // all points.
@@ -138,18 +138,18 @@ impl Search<'_> {
             .collect();
         let all = self.data.len() > some.len();
         for data in std::iter::once(&some).chain(all.then_some(self.data)) {
-            flat = self.flat_on(data, found, flat);
+            flat = self.flat_on(data, optimum, flat);
         }
         flat.into_iter().map(|p| active[p]).collect()
     }
 
     /// The ranges of `among` that `data` do not determine.
-    fn flat_on(&self, data: &Scaled, found: &Found, among: Vec<usize>) -> Vec<usize> {
-        let at = &found.outcome.at;
+    fn flat_on(&self, data: &ScaledData, optimum: &Optimum, among: Vec<usize>) -> Vec<usize> {
+        let at = &optimum.outcome.at;
         if among.is_empty() {
             return among;
         }
-        let value = |at: Vec<f64>| Some(self.value_at(data, at, found.jitter)?.0);
+        let value = |at: Vec<f64>| Some(self.value_at(data, at, optimum.jitter)?.0);
         let Some(here) = value(at.clone()) else {
             return Vec::new();
         };

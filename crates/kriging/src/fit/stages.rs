@@ -7,8 +7,9 @@ use rayon::prelude::*;
 use super::newton::{Limits, Outcome, minimise};
 use super::starts::{Search, TOLERANCE};
 use crate::Error;
-use crate::data::scaled::Scaled;
-use crate::likelihood::{JITTERS, Likelihood, Order};
+use crate::data::scaled::ScaledData;
+use crate::likelihood::{Likelihood, Order};
+use crate::linalg::JITTERS;
 
 /// Number of points on which starts are compared.
 pub(super) const SCREENING: usize = 300;
@@ -20,20 +21,20 @@ const STAGED: usize = 450;
 const FOLLOWED: usize = 2;
 /// Tolerance of a search on a subset, in place of [`TOLERANCE`].
 pub(super) const SUBSET_TOLERANCE: f64 = 1e-2;
-/// Iterations that take the curvature from the likelihood, in a search on a subset, which ends
-/// early.
+/// Iterations that take the curvature from the likelihood in a search on a subset, which ends early.
 const RENEWED: usize = 3;
-/// The same in the last search, where quasi-Newton steps are to converge.
+/// Such iterations of the last search, which quasi-Newton updates bring to convergence.
 const RENEWED_LAST: usize = 2;
 
-pub(super) struct Found {
+/// A maximum of the likelihood and the jitter of its covariance matrices.
+pub(super) struct Optimum {
     pub(super) outcome: Outcome,
     pub(super) jitter: f64,
 }
 
 impl Search<'_> {
-    /// The parameters of the highest likelihood found.
-    pub(super) fn run(&self) -> Result<Found, Error> {
+    /// The optimum of the highest likelihood found.
+    pub(super) fn run(&self) -> Result<Optimum, Error> {
         let n = self.data.len();
         let mut sizes = vec![n];
         while let Some(&last) = sizes.last()
@@ -51,18 +52,18 @@ impl Search<'_> {
             if last && stage > 0 {
                 candidates = self.best_of(&subset, candidates);
             }
-            let polished: Vec<Found> = candidates
+            let polished: Vec<Optimum> = candidates
                 .par_iter()
                 .filter_map(|(start, jitter)| self.polish(&subset, start, *jitter, last))
                 .collect();
-            let mut distinct: Vec<Found> = Vec::new();
-            for found in by_value(polished) {
-                let same = |other: &Found| {
-                    (other.outcome.value - found.outcome.value).abs() < 0.1
-                        && distance(&other.outcome.at, &found.outcome.at) < 0.1
+            let mut distinct: Vec<Optimum> = Vec::new();
+            for optimum in by_value(polished) {
+                let same = |other: &Optimum| {
+                    (other.outcome.value - optimum.outcome.value).abs() < 0.1
+                        && distance(&other.outcome.at, &optimum.outcome.at) < 0.1
                 };
                 if !distinct.iter().any(same) {
-                    distinct.push(found);
+                    distinct.push(optimum);
                 }
             }
             if last {
@@ -74,7 +75,7 @@ impl Search<'_> {
             candidates = distinct
                 .into_iter()
                 .take(FOLLOWED)
-                .map(|found| (found.outcome.at, found.jitter))
+                .map(|optimum| (optimum.outcome.at, optimum.jitter))
                 .collect();
         }
         Err(Error::not_positive_definite(None))
@@ -82,7 +83,11 @@ impl Search<'_> {
 
     /// The candidate whose likelihood on `subset` is highest: a few hundred points may have
     /// preferred another.
-    fn best_of(&self, subset: &Scaled, candidates: Vec<(Vec<f64>, f64)>) -> Vec<(Vec<f64>, f64)> {
+    fn best_of(
+        &self,
+        subset: &ScaledData,
+        candidates: Vec<(Vec<f64>, f64)>,
+    ) -> Vec<(Vec<f64>, f64)> {
         if candidates.len() < 2 {
             return candidates;
         }
@@ -99,7 +104,13 @@ impl Search<'_> {
 
     /// Searches from `start`. The jitter grows while the search keeps running into matrices that are
     /// not positive definite and more jitter raises the likelihood.
-    fn polish(&self, subset: &Scaled, start: &[f64], jitter: f64, last: bool) -> Option<Found> {
+    fn polish(
+        &self,
+        subset: &ScaledData,
+        start: &[f64],
+        jitter: f64,
+        last: bool,
+    ) -> Option<Optimum> {
         let limits = Limits {
             lower: &self.lower,
             upper: &self.upper,
@@ -112,10 +123,10 @@ impl Search<'_> {
             },
         };
         let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
-        let mut best: Option<Found> = None;
+        let mut best: Option<Optimum> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;
-            let from = best.as_ref().map_or(start, |found| &found.outcome.at);
+            let from = best.as_ref().map_or(start, |optimum| &optimum.outcome.at);
             let evaluate = |at: &[f64], curvature: bool| {
                 let order = if curvature {
                     Order::Curvature
@@ -134,7 +145,7 @@ impl Search<'_> {
                 break;
             }
             let met_failure = outcome.met_failure;
-            best = Some(Found { outcome, jitter });
+            best = Some(Optimum { outcome, jitter });
             if !met_failure {
                 break;
             }
@@ -143,11 +154,13 @@ impl Search<'_> {
     }
 }
 
-fn by_value(mut found: Vec<Found>) -> Vec<Found> {
-    found.sort_by(|a, b| a.outcome.value.total_cmp(&b.outcome.value));
-    found
+/// The optima, the highest likelihood first.
+fn by_value(mut optima: Vec<Optimum>) -> Vec<Optimum> {
+    optima.sort_by(|a, b| a.outcome.value.total_cmp(&b.outcome.value));
+    optima
 }
 
+/// The largest difference of a parameter.
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter()
         .zip(b)

@@ -7,10 +7,11 @@ use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
-use super::FitOptions;
+use super::options::FitOptions;
 use crate::Error;
-use crate::data::scaled::{SIGMA2_BOUNDS, Scaled};
-use crate::likelihood::{Form, JITTERS, Likelihood, Order};
+use crate::data::scaled::{SIGMA2_BOUNDS, ScaledData};
+use crate::likelihood::{Likelihood, ModelForm, Order};
+use crate::linalg::JITTERS;
 
 /// Number of starts that are polished.
 const POLISHED: usize = 4;
@@ -30,7 +31,7 @@ pub(super) const TOLERANCE: f64 = 1e-6;
 /// The search for the parameters of one set of data: (ln θ₁ … ln θ_d, or one ln θ for all, ln τ² of a nugget,
 /// ln σ²).
 pub(super) struct Search<'a> {
-    pub(super) data: &'a Scaled,
+    pub(super) data: &'a ScaledData,
     pub(super) options: &'a FitOptions,
     /// Whether all coordinates share one range.
     pub(super) tied: bool,
@@ -43,7 +44,7 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(data: &'a Scaled, options: &'a FitOptions) -> Self {
+    pub(super) fn new(data: &'a ScaledData, options: &'a FitOptions) -> Self {
         let n = data.len();
         let dimensions = data.columns.len();
         let tied = n < dimensions + 2 + options.trend.coefficients(dimensions);
@@ -76,7 +77,7 @@ impl<'a> Search<'a> {
     }
 
     /// The starts of highest likelihood on `subset`, each with the smallest jitter it needs there.
-    pub(super) fn screen(&self, subset: &Scaled) -> Result<Vec<(Vec<f64>, f64)>, Error> {
+    pub(super) fn screen(&self, subset: &ScaledData) -> Result<Vec<(Vec<f64>, f64)>, Error> {
         let starts = self.options.starts.max(1);
         let mut screened: Vec<(f64, Vec<f64>, f64)> = (0..starts)
             .into_par_iter()
@@ -125,8 +126,9 @@ impl<'a> Search<'a> {
         start
     }
 
-    pub(super) fn form(&self) -> Form {
-        Form {
+    /// The form of the model that the search fits.
+    pub(super) fn form(&self) -> ModelForm {
+        ModelForm {
             kernel: self.options.kernel,
             estimator: self.options.estimator,
             trend: self.options.trend,
@@ -139,7 +141,7 @@ impl<'a> Search<'a> {
     /// improvement.
     pub(super) fn value_at(
         &self,
-        subset: &Scaled,
+        subset: &ScaledData,
         at: Vec<f64>,
         jitter: f64,
     ) -> Option<(f64, Vec<f64>)> {
@@ -155,7 +157,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    pub(super) fn subset(&self, size: usize) -> Scaled {
+    /// The first `size` points in the random order.
+    pub(super) fn subset(&self, size: usize) -> ScaledData {
         self.data.subset(&self.order[..size])
     }
 }

@@ -10,8 +10,8 @@ use super::gls::Gls;
 use super::{Likelihood, point};
 use crate::linalg::{Lower, Spd, dot};
 
-/// The point where the derivatives are computed, with intermediate results of the value there.
-pub(super) struct At<'a> {
+/// The parameters at which the derivatives are computed, with intermediate results of the value there.
+pub(super) struct EvaluationPoint<'a> {
     /// Number of parameters.
     pub(super) count: usize,
     pub(super) gls: &'a Gls,
@@ -30,8 +30,8 @@ impl Likelihood<'_> {
     }
 
     /// The gradient of the value. `inverse` is C⁻¹.
-    pub(super) fn gradient(&self, at: &At<'_>, inverse: &Lower) -> Vec<f64> {
-        let At {
+    pub(super) fn gradient(&self, at: &EvaluationPoint<'_>, inverse: &Lower) -> Vec<f64> {
+        let EvaluationPoint {
             count,
             beta,
             sigma2,
@@ -65,8 +65,8 @@ impl Likelihood<'_> {
     }
 
     /// The average information. `factor` is that of C.
-    pub(super) fn curvature(&self, at: &At<'_>, factor: &Spd) -> Vec<f64> {
-        let At {
+    pub(super) fn curvature(&self, at: &EvaluationPoint<'_>, factor: &Spd) -> Vec<f64> {
+        let EvaluationPoint {
             count,
             z,
             beta,
@@ -94,7 +94,7 @@ impl Likelihood<'_> {
         let mut solved = directions.clone();
         factor.solve(&mut solved);
         let onto_trend = |u: &[f64]| -> Vec<f64> {
-            let columns = at.gls.solved().chunks(n);
+            let columns = at.gls.c_inv_f().chunks(n);
             columns.map(|s| dot(u, s)).collect()
         };
         let others: Vec<Vec<f64>> = directions.chunks(n).map(onto_trend).collect();
@@ -109,8 +109,8 @@ impl Likelihood<'_> {
         curvature
     }
 
-    /// For every point k and column j, Σᵢ wᵢ ∂Rᵢₖ/∂ ln θⱼ. For a point k, `weights` gives the first
-    /// point i of the sum, and the wᵢ from there on.
+    /// Σᵢ wᵢ ∂Rᵢₖ/∂ ln θⱼ for every point k and column j. `weights` gives, for a point k, the first
+    /// point i of the sum and the wᵢ from there on.
     fn dots(&self, weights: impl Fn(usize) -> (usize, Vec<f64>) + Sync) -> Vec<Vec<f64>> {
         let kernel = self.form.kernel;
         let of_point = |k: usize| {

@@ -52,24 +52,24 @@ const INDEPENDENT: f64 = 1e-12;
 #[derive(Debug, Clone)]
 pub(crate) struct Gls {
     /// C⁻¹F, column by column.
-    solved: Vec<f64>,
+    c_inv_f: Vec<f64>,
     normal: Spd,
 }
 
 impl Gls {
     /// From F and C⁻¹F, both n × p and column by column; `None` if the columns of F depend on each
     /// other.
-    pub(crate) fn new(basis: &[f64], solved: Vec<f64>, n: usize) -> Option<Self> {
+    pub(crate) fn new(basis: &[f64], c_inv_f: Vec<f64>, n: usize) -> Option<Self> {
         let matrix = Lower::from_columns(basis.len() / n, |k, column| {
             for (f, value) in basis.chunks_exact(n).skip(k).zip(column) {
-                *value = dot(f, &solved[k * n..(k + 1) * n]);
+                *value = dot(f, &c_inv_f[k * n..(k + 1) * n]);
             }
         });
         let diagonal: Vec<f64> = matrix.diagonal().collect();
         let normal = Spd::factor(matrix).ok()?;
         let is_lost = |(pivot, whole): (f64, &f64)| pivot * pivot <= INDEPENDENT * whole;
         let dependent = diagonal.len() > 1 && normal.pivots().zip(&diagonal).any(is_lost);
-        (!dependent).then_some(Self { solved, normal })
+        (!dependent).then_some(Self { c_inv_f, normal })
     }
 
     pub(crate) fn coefficients(&self) -> usize {
@@ -77,8 +77,8 @@ impl Gls {
     }
 
     /// C⁻¹F, column by column.
-    pub(crate) fn solved(&self) -> &[f64] {
-        &self.solved
+    pub(crate) fn c_inv_f(&self) -> &[f64] {
+        &self.c_inv_f
     }
 
     /// Replaces b by (FᵀC⁻¹F)⁻¹b.

@@ -3,26 +3,14 @@
 use statrs::distribution::{Binomial, DiscreteCDF as _};
 
 use super::Model;
+use super::loo::{Residual, Z_TWO_SIDED_90};
 
-/// Half-width of a two-sided 90 % interval of the standard normal distribution.
-pub(crate) const Z_TWO_SIDED_90: f64 = 1.644_853_626_951_472_2;
 /// The fewest points whose residuals can calibrate a 90 % interval.
 const FEWEST: usize = 10;
 /// Bounds of the factor: beyond these the model, not its variance, is wrong.
 const BOUNDS: (f64, f64) = (1e-2, 1e2);
 /// Confidence, required of a factor below 1, that it is not due to chance.
 const CONFIDENCE: f64 = 0.99;
-
-/// A leave-one-out residual.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Residual {
-    /// Observation minus prediction, in units of y.
-    pub(crate) residual: f64,
-    /// Variance of the residual, the noise of the observation included, in units of y².
-    pub(crate) variance: f64,
-    /// The noise variance of the observation, a nugget included, in units of y².
-    pub(crate) noise: f64,
-}
 
 /// The factor of the predicted variances that [`Model::calibrated`] describes; 1 for too few
 /// residuals.

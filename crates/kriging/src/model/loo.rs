@@ -5,7 +5,6 @@ mod groups;
 use statrs::function::erf::{erf_inv, erfc_inv};
 
 use super::Model;
-use super::calibration::{Residual, Z_TWO_SIDED_90};
 use crate::data::Points;
 use crate::warning::{Outlier, Warning};
 
@@ -35,14 +34,16 @@ pub struct LeaveOneOut {
     pub coverage90: f64,
 }
 
+/// Half-width of a two-sided 90 % interval of the standard normal distribution.
+pub(crate) const Z_TWO_SIDED_90: f64 = 1.644_853_626_951_472_2;
 /// Largest probability that any observation of a right model is called an outlier.
 const FALSE_ALARM: f64 = 1e-3;
 /// The most outliers that a warning names.
-const NAMED: usize = 10;
+const MOST_NAMED: usize = 10;
 
-/// The limit of [`LeaveOneOut::outliers`]. That of the normal distribution is 4.4 for n = 100 and
+/// The limit of [`LeaveOneOut::outliers`]. The one of the normal distribution is 4.4 for n = 100 and
 /// 4.9 for n = 1000.
-fn outlying(standardised: &[f64]) -> f64 {
+fn outlier_limit(standardised: &[f64]) -> f64 {
     let n = standardised.len() as f64;
     let normal = std::f64::consts::SQRT_2 * erfc_inv(FALSE_ALARM / n);
     let mut sizes: Vec<f64> = standardised.iter().map(|z| z.abs()).collect();
@@ -50,6 +51,17 @@ fn outlying(standardised: &[f64]) -> f64 {
     let usual = sizes[(0.9 * n) as usize];
     let exponential = usual * (n / FALSE_ALARM).ln() / std::f64::consts::LN_10;
     normal.max(exponential)
+}
+
+/// A leave-one-out residual.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Residual {
+    /// Observation minus prediction, in units of y.
+    pub(crate) residual: f64,
+    /// Variance of the residual, the noise of the observation included, in units of y².
+    pub(crate) variance: f64,
+    /// The noise variance of the observation, a nugget included, in units of y².
+    pub(crate) noise: f64,
 }
 
 impl LeaveOneOut {
@@ -60,12 +72,12 @@ impl LeaveOneOut {
     /// The limit is the larger one of two. The first is that of the normal distribution at a
     /// probability of 0.001/n: a right model of n observations has an outlier with a probability of
     /// 0.001 at most (Bonferroni's inequality). The second is that of an exponential tail through
-    /// the residuals' own 90 % quantile: smooth functions that are no typical realisations of the
+    /// the residuals' own 90 % quantile: smooth functions that are not typical realisations of the
     /// process have such tails, up to 7 for 500 observations without any error. A gross error
     /// raises σ² and makes all other residuals small, so that the first limit applies.
     #[must_use]
     pub fn outliers(&self) -> Vec<usize> {
-        let limit = outlying(&self.standardised);
+        let limit = outlier_limit(&self.standardised);
         let residuals = self.standardised.iter().enumerate();
         residuals
             .filter(|(_, z)| z.abs() > limit)
@@ -108,10 +120,11 @@ impl LeaveOneOut {
 
         let observed: Vec<f64> = by_first.iter().map(|&i| points.y[i]).collect();
         let observations = by_first.iter().map(|&i| points.first[i]).collect();
-        Self::of(observations, distinct, &observed, residuals, standardised)
+        Self::from_residuals(observations, distinct, &observed, residuals, standardised)
     }
 
-    fn of(
+    /// The validation and its summary statistics.
+    fn from_residuals(
         observations: Vec<usize>,
         points: usize,
         observed: &[f64],
@@ -142,7 +155,7 @@ impl LeaveOneOut {
         let pairs = logarithms.iter().zip(&self.residuals);
         let residuals = pairs.map(|(y, r)| y.exp() - (y - r).exp()).collect();
         let observed: Vec<f64> = logarithms.iter().map(|y| y.exp()).collect();
-        Self::of(
+        Self::from_residuals(
             self.observations,
             self.points,
             &observed,
@@ -167,7 +180,7 @@ impl LeaveOneOut {
             let sizes = b.standardised.abs().total_cmp(&a.standardised.abs());
             sizes.then(a.observation.cmp(&b.observation))
         });
-        worst.truncate(NAMED);
+        worst.truncate(MOST_NAMED);
         (count > 0).then_some(Warning::Outliers { count, worst })
     }
 }
@@ -185,8 +198,8 @@ impl Model {
         LeaveOneOut::new(&self.points, &residuals, distinct, self.calibration)
     }
 
-    /// The residual of each observation given all others, those at the same point included: outliers differ
-    /// from these.
+    /// The warning of outliers among the residuals of single observations, given all others: an outlier may
+    /// differ from other observations at its own point.
     pub(crate) fn warning_of_residuals(&self) -> Option<Warning> {
         let n = self.points.len();
         LeaveOneOut::new(&self.points, &self.residuals(), n, self.calibration).warning()
@@ -195,15 +208,15 @@ impl Model {
     /// The residuals of single observations, not calibrated.
     pub(super) fn residuals(&self) -> Vec<Residual> {
         let n = self.points.len();
-        let solved = self.solved();
-        let diagonal = solved.factor.inverse_diagonal();
-        let mut row = vec![0.0; solved.gls.coefficients()];
+        let factorisation = self.factorisation();
+        let diagonal = factorisation.factor.inverse_diagonal();
+        let mut row = vec![0.0; factorisation.gls.coefficients()];
         (0..n)
             .map(|i| {
-                for (r, column) in row.iter_mut().zip(solved.gls.solved().chunks(n)) {
+                for (r, column) in row.iter_mut().zip(factorisation.gls.c_inv_f().chunks(n)) {
                     *r = column[i];
                 }
-                let p = diagonal[i] - solved.gls.quadratic(&mut row);
+                let p = diagonal[i] - factorisation.gls.quadratic(&mut row);
                 Residual {
                     residual: self.weights[i] / p,
                     variance: self.parameters.sigma2 / p,

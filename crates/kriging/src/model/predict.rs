@@ -1,4 +1,4 @@
-//! Means and variances.
+//! Predicted means and variances.
 
 use rayon::prelude::*;
 
@@ -84,9 +84,10 @@ impl Model {
             .collect())
     }
 
+    /// The predictions at some points, with one triangular solve for all.
     fn predict_batch(&self, rows: &[&[f64]]) -> Vec<Prediction> {
         let n = self.points.len();
-        let solved = self.solved();
+        let factorisation = self.factorisation();
         let mut correlations = vec![0.0; n * rows.len()];
         let mut trend_errors = Vec::with_capacity(rows.len());
         let mut means = Vec::with_capacity(rows.len());
@@ -97,12 +98,12 @@ impl Model {
             trend_errors.push(self.trend_error(x, r));
             means.push(self.mean_from(x, r));
         }
-        solved.factor.half_solve(&mut correlations);
+        factorisation.factor.half_solve(&mut correlations);
         means
             .into_iter()
             .zip(correlations.chunks_exact(n).zip(trend_errors))
             .map(|(mean, (half, mut trend_error))| {
-                let unit = 1.0 - dot(half, half) + solved.gls.quadratic(&mut trend_error);
+                let unit = 1.0 - dot(half, half) + factorisation.gls.quadratic(&mut trend_error);
                 // At a noise-free observation the terms cancel up to rounding. A NaN remains one.
                 let unit = if unit < 0.0 { 0.0 } else { unit };
                 let variance = self.parameters.sigma2 * unit * self.calibration;
@@ -124,7 +125,7 @@ impl Model {
     /// f(x) − FᵀC⁻¹r: the trend's basis functions at `x` minus their interpolation.
     pub(crate) fn trend_error(&self, x: &[f64], correlations: &[f64]) -> Vec<f64> {
         let n = self.points.len();
-        let columns = self.solved().gls.solved().chunks(n);
+        let columns = self.factorisation().gls.c_inv_f().chunks(n);
         columns
             .enumerate()
             .map(|(k, s)| {

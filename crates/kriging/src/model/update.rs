@@ -1,8 +1,8 @@
 //! More observations for a fitted model, with its covariance parameters kept.
 
-use super::{Model, Solved};
-use crate::data::scaled::Scaled;
-use crate::data::{Points, contradiction, keep, merge};
+use super::{Factorisation, Model};
+use crate::data::scaled::ScaledData;
+use crate::data::{Points, contradiction, keep_repeated, merge_repeated};
 use crate::error::check_length;
 use crate::likelihood::{noise_ratio, point};
 use crate::linalg::{Lower, Spd};
@@ -30,7 +30,11 @@ impl Model {
         check_length("every point", d, data.d)?;
         // The nugget belongs to every observation, so they are not merged.
         let apart = self.has_nugget();
-        let (mut new, warnings) = if apart { keep(data)? } else { merge(data)? };
+        let (mut new, warnings) = if apart {
+            keep_repeated(data)?
+        } else {
+            merge_repeated(data)?
+        };
         let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
         if !apart && (0..new.len()).any(repeated) {
             return self.refactorised(data);
@@ -47,21 +51,21 @@ impl Model {
         points.within += new.within;
         points.observations += new.observations;
 
-        let mut model = self.with(points, warnings)?;
+        let mut model = self.on_points(points, warnings)?;
         // Coordinates are relative to their smallest value, which the new points may have changed.
         // The old factor remains right, since correlations depend on differences only.
         let extended = self.extended_factor(&model);
-        let solved = extended.and_then(|factor| {
+        let factorisation = extended.and_then(|factor| {
             let gls = model.solve_trend(&factor)?;
-            Some(Solved { factor, gls })
+            Some(Factorisation { factor, gls })
         });
-        match solved {
-            Some(solved) => {
-                model.estimate_trend(solved);
+        match factorisation {
+            Some(factorisation) => {
+                model.estimate_trend(factorisation);
                 model.warnings.extend(model.jitter_warning());
                 model.checked()
             }
-            None => model.anew(),
+            None => model.factorised_anew(),
         }
     }
 
@@ -86,7 +90,7 @@ impl Model {
             let noise = longer.points.noise[old + k] + longer.parameters.nugget;
             column[0] += longer.jitter + noise_ratio(noise, longer.parameters.sigma2);
         });
-        self.solved().factor.append_rows(cross, &corner)
+        self.factorisation().factor.append_rows(cross, &corner)
     }
 
     fn has_nugget(&self) -> bool {
@@ -99,7 +103,7 @@ impl Model {
         let join = |a: &[f64], b: &[f64]| [a, b].concat();
         let (x, y) = (join(&old.x, data.x), join(&old.y, data.y));
         let noise_variance = join(&old.noise, data.noise_variance);
-        let (mut points, warnings) = merge(&Data {
+        let (mut points, warnings) = merge_repeated(&Data {
             x: &x,
             d: old.d,
             y: &y,
@@ -113,16 +117,16 @@ impl Model {
             };
         }
         points.observations = old.observations + data.y.len();
-        self.with(points, warnings)?.anew()
+        self.on_points(points, warnings)?.factorised_anew()
     }
 
-    /// This model's parameters on other points, with the `warnings` of the new data; still to be
-    /// solved.
-    fn with(&self, points: Points, warnings: Vec<Warning>) -> Result<Self, Error> {
+    /// A model of other points with this model's parameters and the `warnings` of the new data, not
+    /// factorised yet.
+    fn on_points(&self, points: Points, warnings: Vec<Warning>) -> Result<Self, Error> {
         if !self.has_nugget() {
-            contradiction::check(&points, &Scaled::new(&points)?)?;
+            contradiction::check(&points, &ScaledData::new(&points)?)?;
         }
-        let warnings = joined(&self.warnings, &points, warnings);
+        let warnings = joined_warnings(&self.warnings, &points, warnings);
         let parameters = self.parameters.clone();
         let mut model = Self::assemble(self.kernel, self.trend, points, parameters, self.jitter);
         model.calibration = self.calibration;
@@ -132,7 +136,7 @@ impl Model {
     }
 
     /// Factorises the whole matrix.
-    fn anew(self) -> Result<Self, Error> {
+    fn factorised_anew(self) -> Result<Self, Error> {
         let mut model = self.factorised()?;
         model.warnings.extend(model.jitter_warning());
         Ok(model)
@@ -150,7 +154,7 @@ impl Model {
             .map(|i| self.mean(points.row(i)))
             .collect();
         points.noise.fill(0.0);
-        self.with(points, Vec::new())?.anew()
+        self.on_points(points, Vec::new())?.factorised_anew()
     }
 
     /// The merged observations' part of the likelihood: a stored model holds only the total.
@@ -160,7 +164,7 @@ impl Model {
 }
 
 /// The warnings of a model whose points are now `points`, and those of its further data.
-fn joined(old: &[Warning], points: &Points, new: Vec<Warning>) -> Vec<Warning> {
+fn joined_warnings(old: &[Warning], points: &Points, new: Vec<Warning>) -> Vec<Warning> {
     let mut warnings: Vec<Warning> = points.merged_duplicates().into_iter().collect();
     for warning in old.iter().cloned().chain(new) {
         let is_renewed = matches!(

@@ -9,15 +9,16 @@ use crate::error::{check_finite, check_length, check_noise};
 use crate::kernel::Kernel;
 use crate::likelihood::gls::Trend;
 use crate::model::{Model, Parameters};
-use crate::surrogate::{Either, Response, Surrogate};
+use crate::surrogate::{AnyModel, Response, Surrogate};
 use crate::{Error, Vecchia, Warning};
 
 /// Version of the format, raised when a change would make older programs misread it.
 const VERSION: u32 = 1;
 
+/// An exact model in a file, or the common part of an approximate one.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+struct StoredModel {
     version: u32,
     kernel: Kernel,
     response: Response,
@@ -41,9 +42,9 @@ struct Stored {
     calibration: f64,
 }
 
-/// The part that must be readable whatever the rest looks like.
+/// The fields that are read first: they tell which others to expect.
 #[derive(Deserialize)]
-struct Head {
+struct Header {
     version: u32,
     #[serde(default)]
     method: Option<serde::de::IgnoredAny>,
@@ -54,15 +55,15 @@ struct Head {
 #[serde(deny_unknown_fields)]
 struct StoredVecchia {
     version: u32,
-    method: Approximate,
+    method: ApproximateMethod,
     /// Observations per prediction.
     neighbours: usize,
-    model: Stored,
+    model: StoredModel,
 }
 
 #[derive(Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-enum Approximate {
+enum ApproximateMethod {
     Vecchia,
 }
 
@@ -75,28 +76,28 @@ impl Surrogate {
     pub fn to_json(&self) -> Result<String, Error> {
         let response = self.response;
         match &self.model {
-            Either::Exact(model) => serde_json::to_string(&Stored {
+            AnyModel::Exact(model) => serde_json::to_string(&StoredModel {
                 response,
                 jitter: model.jitter,
                 weights: model.weights.clone(),
                 trend: model.trend,
-                ..Stored::new(self, &model.points)
+                ..StoredModel::new(self, &model.points)
             }),
-            Either::Vecchia(model) => serde_json::to_string(&StoredVecchia {
+            AnyModel::Vecchia(model) => serde_json::to_string(&StoredVecchia {
                 version: VERSION,
-                method: Approximate::Vecchia,
+                method: ApproximateMethod::Vecchia,
                 neighbours: model.neighbours,
-                model: Stored {
+                model: StoredModel {
                     response,
-                    ..Stored::new(self, &model.points)
+                    ..StoredModel::new(self, &model.points)
                 },
             }),
         }
         .map_err(Error::Json)
     }
 
-    /// Reads what [`Surrogate::to_json`] wrote. The means of the model read are bit for bit those of the
-    /// model written. The covariance matrix is factorised when a variance is first asked for.
+    /// Reads the text of [`Surrogate::to_json`]. The means of the model read are bit for bit those of the
+    /// model written. The covariance matrix is factorised at the first prediction of a variance.
     ///
     /// # Errors
     ///
@@ -104,7 +105,7 @@ impl Surrogate {
     /// [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::OutOfRange`] for one whose numbers do
     /// not fit together.
     pub fn from_json(text: &str) -> Result<Self, Error> {
-        let Head { version, method } = serde_json::from_str(text).map_err(Error::Json)?;
+        let Header { version, method } = serde_json::from_str(text).map_err(Error::Json)?;
         if version != VERSION {
             return Err(Error::Version {
                 found: version,
@@ -112,14 +113,14 @@ impl Surrogate {
             });
         }
         if method.is_none() {
-            let stored: Stored = serde_json::from_str(text).map_err(Error::Json)?;
+            let stored: StoredModel = serde_json::from_str(text).map_err(Error::Json)?;
             let response = stored.response;
-            let model = Either::Exact(stored.into_model()?);
+            let model = AnyModel::Exact(stored.into_model()?);
             return Ok(Self { model, response });
         }
         let stored: StoredVecchia = serde_json::from_str(text).map_err(Error::Json)?;
         let response = stored.model.response;
-        let model = Either::Vecchia(stored.into_model()?);
+        let model = AnyModel::Vecchia(stored.into_model()?);
         Ok(Self { model, response })
     }
 }
@@ -144,7 +145,7 @@ impl StoredVecchia {
     }
 }
 
-impl Stored {
+impl StoredModel {
     /// The fields that both kinds of model have: all but weights, jitter and trend.
     fn new(model: &Surrogate, points: &Points) -> Self {
         let parameters = model.parameters();
@@ -216,7 +217,7 @@ impl Stored {
         Ok(model)
     }
 
-    /// Checks that the numbers fit together, with as many weights as `weights`.
+    /// Checks that the numbers fit together. `weights` is the expected number of weights.
     fn check(&self, weights: usize) -> Result<(), Error> {
         let (n, d) = (self.y.len(), self.dimensions);
         if n < 2 {

@@ -1,8 +1,8 @@
-//! The process at one place, given its values at a few others.
+//! The process at one point, given the observations at a few others.
 
 use crate::kernel::Kernel;
-use crate::likelihood::{JITTERS, covariance};
-use crate::linalg::{Spd, dot};
+use crate::likelihood::covariance;
+use crate::linalg::{JITTERS, Spd, dot};
 
 /// Points of which some are conditioned on.
 pub(super) struct Points<'a> {
@@ -16,7 +16,7 @@ pub(super) struct Points<'a> {
 /// The process at one point, given a few others.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Conditional<const R: usize> {
-    /// cᵀC⁻¹v for each vector v of values, c the correlations of the one with the few.
+    /// cᵀC⁻¹v for each vector v of values, with c the correlations of the point with the others.
     pub(super) means: [f64; R],
     /// 1 − cᵀC⁻¹c: the conditional variance over the process variance.
     pub(super) variance: f64,
@@ -25,8 +25,8 @@ pub(super) struct Conditional<const R: usize> {
 }
 
 impl Points<'_> {
-    /// The process at the scaled coordinates `at` given the points `near`, for each of the `values` that all
-    /// points may have.
+    /// The process at the scaled coordinates `at` given the points `near`, for each vector of `values` of all
+    /// points.
     pub(super) fn given<const R: usize>(
         &self,
         near: &[u32],
@@ -42,7 +42,7 @@ impl Points<'_> {
             Some((Spd::factor(matrix).ok()?, jitter))
         });
         let Some((factor, jitter)) = factorised else {
-            // No such matrix is known. The result would be the prior, as without neighbours.
+            // No such matrix is known. The prior is the result without neighbours.
             return Conditional {
                 means: [0.0; R],
                 variance: 1.0,

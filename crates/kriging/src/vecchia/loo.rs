@@ -6,21 +6,23 @@ use super::Vecchia;
 use super::neighbours::nearest;
 use crate::Warning;
 use crate::likelihood::point;
-use crate::model::calibration::{Residual, factor};
-use crate::model::loo::LeaveOneOut;
+use crate::model::calibration::factor;
+use crate::model::loo::{LeaveOneOut, Residual};
 
 /// Points that are left out together.
 #[derive(Debug, Clone, Copy)]
 struct Group {
+    /// Index of one of the points, which identifies the group.
     first: usize,
+    /// Number of points.
     size: usize,
 }
 
 impl Vecchia {
-    /// Predicts each point from the nearest observations of other points, as many as
-    /// [`Vecchia::conditioning`] says, like any prediction of the model. Points that are nearly the same
-    /// count as one, see [`LeaveOneOut`]. The mean μ is kept,
-    /// because one observation of thousands does not move it. Costs as much as n predictions.
+    /// Predicts each point from the [`Vecchia::prediction_neighbours`] nearest observations of other
+    /// points, like any prediction of the model. Points that are nearly the same count as one, see
+    /// [`LeaveOneOut`]. The mean μ is kept, because one observation of thousands does not move it. Costs
+    /// as much as n predictions.
     #[must_use]
     pub fn leave_one_out(&self) -> LeaveOneOut {
         let (groups, distinct) = self.groups();
@@ -37,8 +39,8 @@ impl Vecchia {
         self
     }
 
-    /// For each point the group of those nearly the same, by number, itself alone in most; and the number of
-    /// groups.
+    /// The group of nearly equal points that each point belongs to, and the number of groups. Most groups
+    /// have one point.
     fn groups(&self) -> (Vec<Group>, usize) {
         let n = self.points.len();
         let mut groups: Vec<Group> = (0..n).map(|first| Group { first, size: 1 }).collect();
@@ -85,8 +87,8 @@ impl Vecchia {
             let count = (neighbours + size).min(n);
             let mut near = nearest(columns, &at, n, count);
             near.retain(|&j| groups[j as usize].first != first);
-            // Needed only if so many points lie on top of this one that it is not among its own
-            // nearest.
+            // Shortens the list only where the point is not among its own nearest, because others
+            // coincide with it.
             near.truncate(neighbours);
             let given = self.given(&near, &at);
             let noise = self.points.noise[i] + self.parameters.nugget;

@@ -4,8 +4,8 @@ use rayon::prelude::*;
 
 use crate::likelihood::point;
 
-/// Number of points that are put in max–min order. Those after them stay in random order, which is
-/// nearly as good (Guinness 2018) and does not cost n² steps.
+/// Number of points that are put in max–min order. The others stay in random order, which is nearly as
+/// good (Guinness 2018) and does not cost n² steps.
 const ORDERED: usize = 3000;
 /// The fewest points whose neighbours one thread looks for.
 const CHUNK: usize = 64;
@@ -95,6 +95,8 @@ pub(super) fn nearest(columns: &[Vec<f64>], at: &[f64], count: usize, m: usize) 
     near
 }
 
+/// The squared distances of the points in `run` from the point whose coordinates `at` gives, column by
+/// column.
 fn squared_distances(
     columns: &[Vec<f64>],
     mut at: impl FnMut(&[f64]) -> f64,

@@ -110,7 +110,7 @@ fn stored_models_predict_the_same_bits() {
             assert_eq!(read.predict(&x), model.predict(&x));
         }
         assert_eq!(stored.to_json().unwrap(), text);
-        assert_eq!(read.conditioning(), model.conditioning());
+        assert_eq!(read.prediction_neighbours(), model.prediction_neighbours());
         assert_eq!(read.warnings(), model.warnings());
 
         // Another version and broken models are refused.

@@ -1,16 +1,16 @@
-//! Leaving out points with those that are nearly the same.
+//! Leave-one-out residuals of points that are left out together, because they are nearly the same.
 
 use crate::linalg::{Lower, dot};
 use crate::model::Model;
-use crate::model::calibration::Residual;
+use crate::model::loo::Residual;
 
-/// What is left of a vector's length, relative to it, below which the others span it: the observations of the
-/// other points do not determine the trend.
+/// Relative length of a vector's remainder below which the other vectors span it: the other points'
+/// observations then do not determine the trend.
 const SPANNED: f64 = 1e-12;
 
 impl Model {
-    /// The residual of each observation, not calibrated, given those of all points that are not nearly the
-    /// same, and the number of points that differ so.
+    /// The residual of each observation, not calibrated, given the observations of all points that are not
+    /// nearly the same; and the number of points, nearly equal ones counted once.
     ///
     /// With C = LLᵀ, W = L⁻¹ and P = Wᵀ(I − QQᵀ)W, Q an orthonormal basis of WF, the residuals of
     /// a group are the coefficients of the least squares fit of W(y − Fμ) by the group's columns of
@@ -22,13 +22,13 @@ impl Model {
         if groups.is_empty() {
             return (residuals, n);
         }
-        let solved = self.solved();
+        let factorisation = self.factorisation();
         let mut whitened: Vec<f64> = (0..n)
             .map(|i| self.points.y[i] - self.trend_at(self.points.row(i)))
             .collect();
-        solved.factor.half_solve(&mut whitened);
+        factorisation.factor.half_solve(&mut whitened);
         let mut basis = self.basis();
-        solved.factor.half_solve(&mut basis);
+        factorisation.factor.half_solve(&mut basis);
         let mut trend: Vec<Vec<f64>> = Vec::new();
         for column in basis.chunks(n) {
             let mut column = column.to_vec();
@@ -38,14 +38,14 @@ impl Model {
                 trend.push(column);
             }
         }
-        let half = solved.factor.half_inverse(Vec::new());
+        let half = factorisation.factor.half_inverse(Vec::new());
         let mut distinct = n;
         for group in groups {
             distinct -= group.len() - 1;
-            let Some(found) = left_out(&group, &half, &trend, &whitened, n) else {
+            let Some(left_out) = group_residuals(&group, &half, &trend, &whitened, n) else {
                 continue;
             };
-            for (i, (residual, unit)) in group.into_iter().zip(found) {
+            for (i, (residual, unit)) in group.into_iter().zip(left_out) {
                 residuals[i].residual = residual;
                 residuals[i].variance = self.parameters.sigma2 * unit;
             }
@@ -56,7 +56,7 @@ impl Model {
 
 /// The residuals of a group's points, and their variances over the process variance. `None` if the other points
 /// do not determine the trend.
-fn left_out(
+fn group_residuals(
     group: &[usize],
     half: &Lower,
     trend: &[Vec<f64>],
@@ -102,8 +102,8 @@ fn left_out(
     Some(residuals.into_iter().zip(variances).collect())
 }
 
-/// Subtracts from `column` what the orthonormal vectors hold of it, twice against rounding. Returns the share of
-/// each of them, and the length of what is left.
+/// Subtracts from `column` its projections on the orthonormal `vectors`, twice against rounding. Returns the
+/// coefficient of each projection and the length of the remainder.
 fn orthogonalise(column: &mut [f64], vectors: &[&[Vec<f64>]]) -> (Vec<f64>, f64) {
     let mut shares = vec![0.0; vectors.iter().map(|some| some.len()).sum()];
     for _ in 0..2 {
@@ -126,7 +126,7 @@ mod tests {
     use rand::RngExt as _;
     use stats::streams::{Purpose, stream};
 
-    use crate::data::{Data, keep};
+    use crate::data::{Data, keep_repeated};
     use crate::model::Model;
     use crate::{FitOptions, Nugget, Trend, fit};
 
@@ -163,7 +163,7 @@ mod tests {
                 (x, y, vec![0.0; rows.len()])
             };
             let points = |(x, y, noise_variance): &(Vec<f64>, Vec<f64>, Vec<f64>)| {
-                keep(&Data {
+                keep_repeated(&Data {
                     x,
                     d: 2,
                     y,
