@@ -22,7 +22,9 @@
 use std::f64::consts::PI;
 
 use cmaes::Bounds;
-use enrich::{Criterion, Decision, Infill, Options, RoundRecord, Sampled, State, Stop, decide};
+use enrich::{
+    Criterion, Decision, Infill, Options, RoundRecord, SampledDesign, State, Stop, decide,
+};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use stats::streams::{Purpose, stream};
@@ -83,7 +85,7 @@ fn sample(seed: u64, state: &mut State, number: usize, samples: u32) {
 }
 
 fn add(seed: u64, state: &mut State, x: Vec<f64>) {
-    state.sampled.push(Sampled {
+    state.sampled.push(SampledDesign {
         x,
         samples: 0,
         response: f64::NAN,

@@ -1,10 +1,10 @@
 //! The observations of a round, chosen one after the other.
 
 use crate::context::Context;
+use crate::expectation::Expectation;
 use crate::models::Regions;
 use crate::offer::{Offer, Winner};
 use crate::rotation::Rotation;
-use crate::stop::Outlook;
 use crate::{Error, Infill, Note, Reason};
 
 /// The observations that a round asks for.
@@ -33,17 +33,17 @@ impl Batch {
         &mut self,
         context: &Context<'_>,
         mut regions: Regions,
-    ) -> Result<Outlook, Error> {
+    ) -> Result<Expectation, Error> {
         let options = context.options;
         let mut rotation = Rotation::new(context, regions.basins.len());
-        let mut outlook = Outlook::new(regions.count());
+        let mut expectation = Expectation::new(regions.count());
         let mut observations = 0;
         for turn in 0..options.batch {
             let Some(region) = rotation.region(turn) else {
                 break;
             };
             let offer = Offer::find(context, regions.get(region), turn)?;
-            outlook.record(region, offer.value());
+            expectation.record(region, offer.value());
             if self.take(context, &mut regions, region, offer) {
                 observations += 1;
             } else {
@@ -51,18 +51,18 @@ impl Batch {
             }
         }
         for region in 0..regions.count() {
-            let is_settled = observations > 0 && outlook.expected_um >= options.delta_um;
-            if is_settled || outlook.was_consulted(region) {
+            let is_settled = observations > 0 && expectation.expected_um >= options.delta_um;
+            if is_settled || expectation.was_consulted(region) {
                 continue;
             }
             // Lower numbers of streams belong to the turns and to space filling.
             let offer = Offer::find(context, regions.get(region), 3 * options.batch + region)?;
-            outlook.record(region, offer.value());
+            expectation.record(region, offer.value());
             if observations < options.batch && self.take(context, &mut regions, region, offer) {
                 observations += 1;
             }
         }
-        Ok(outlook)
+        Ok(expectation)
     }
 
     /// Adds the winner of an offer to the batch; false if nothing was added.
@@ -82,29 +82,29 @@ impl Batch {
                 self.push_more(context.rows.index[row], samples, value);
                 (sampled[row].x.clone(), samples)
             }
-            Some(Winner::New(pick)) => {
+            Some(Winner::New(candidate)) => {
                 let samples = options.samples_new;
                 let mut rows = sampled.iter();
-                if let Some(row) = rows.position(|row| context.is_same(&row.x, &pick.x)) {
+                if let Some(row) = rows.position(|row| context.is_same(&row.x, &candidate.x)) {
                     let design = context.rows.index[row];
                     self.notes.push(Note::Repeated { design });
                     // As many samples as the value was computed for; the budget suffices for them.
-                    self.push_more(design, samples, pick.value);
+                    self.push_more(design, samples, candidate.value);
                     (sampled[row].x.clone(), samples)
-                } else if self.new_designs().any(|x| context.is_same(x, &pick.x)) {
+                } else if self.new_designs().any(|x| context.is_same(x, &candidate.x)) {
                     return false;
                 } else {
                     self.infill.push(Infill::New {
-                        x: pick.x.clone(),
+                        x: candidate.x.clone(),
                         samples,
-                        value: pick.value,
+                        value: candidate.value,
                         reason: if region == regions.basins.len() {
                             Reason::Global
                         } else {
                             Reason::Local
                         },
                     });
-                    (pick.x, samples)
+                    (candidate.x, samples)
                 }
             }
         };

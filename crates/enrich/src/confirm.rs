@@ -3,8 +3,8 @@
 use crate::batch::Batch;
 use crate::{Infill, Options, Recommendation, Z95};
 
-/// The fewest turns of a confirmation: the model knows part of what new samples show already, from
-/// correlated neighbours.
+/// The fewest turns of a confirmation: new samples tell less than their number suggests, because the
+/// model has learned part of it from correlated neighbours.
 const CONFIRMING: f64 = 6.0;
 
 /// Gives the recommended design as many samples as bring the half-width of its interval to δ, within

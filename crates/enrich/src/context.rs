@@ -4,9 +4,9 @@ use std::cell::Cell;
 
 use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::simulable::Simulable;
+use crate::simulability::SimulabilityModel;
 use crate::state::Rows;
-use crate::{Known, Options};
+use crate::{ExactCriteria, Options};
 
 /// Number of the enrichment's random streams among those of the optimisers.
 const STREAM: u64 = 5;
@@ -18,10 +18,11 @@ pub(crate) struct Context<'a> {
     pub(crate) rows: Rows,
     pub(crate) options: &'a Options,
     /// The probability that a design can be simulated.
-    pub(crate) simulable: Simulable,
+    pub(crate) simulability: SimulabilityModel,
     /// Number of earlier rounds.
     pub(crate) round: usize,
-    pub(crate) exact: &'a dyn Fn(&[f64]) -> Option<Known>,
+    /// The caller's evaluation of the exact constraints and the baseline of a design.
+    pub(crate) exact: &'a dyn Fn(&[f64]) -> Option<ExactCriteria>,
     /// Number of calls of `exact`.
     pub(crate) evaluations: Cell<u64>,
 }
@@ -29,9 +30,9 @@ pub(crate) struct Context<'a> {
 impl Context<'_> {
     /// The exact constraints and the baseline of `x`. The violation is NaN if they cannot be
     /// evaluated.
-    pub(crate) fn known(&self, x: &[f64]) -> Known {
+    pub(crate) fn exact_criteria(&self, x: &[f64]) -> ExactCriteria {
         self.evaluations.set(self.evaluations.get() + 1);
-        (self.exact)(x).unwrap_or(Known::from(f64::NAN))
+        (self.exact)(x).unwrap_or(ExactCriteria::from(f64::NAN))
     }
 
     /// The largest difference of any variable, as a share of its range.
@@ -54,7 +55,7 @@ impl Context<'_> {
         if failed.any(|failed| self.is_same(x, failed)) {
             return 0.0;
         }
-        self.simulable.probability(x)
+        self.simulability.probability(x)
     }
 
     /// The random stream of one search of this round.

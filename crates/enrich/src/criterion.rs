@@ -4,20 +4,20 @@ mod knowledge;
 mod quantile;
 mod reinterpolated;
 
-use crate::state::{Rows, Sampled};
+use crate::state::{Rows, SampledDesign};
 use crate::surrogate::Surrogate;
 use crate::{Criterion, Error, Options};
 
 /// A criterion, prepared for one state of a model and its incumbents.
 ///
-/// Both values are expected falls of one quantity in µm, so a new design and more samples can be
-/// compared.
+/// Both values are expected falls of the same quantity in µm, so that a new design can be compared with
+/// more samples at an existing one.
 pub(crate) trait InfillCriterion {
     /// The value of [`Options::samples_new`] samples at a new design.
     fn new_design(&self, x: &[f64], baseline: f64) -> f64;
 
     /// The value of [`Options::samples_more`] further samples at a sampled design.
-    fn more_samples(&self, row: &Sampled) -> f64;
+    fn more_samples(&self, row: &SampledDesign) -> f64;
 }
 
 /// Prepares the criterion that the options name. `incumbents` are the rows to improve on.
@@ -27,7 +27,7 @@ pub(crate) fn prepare<'a>(
     incumbents: &[usize],
     options: &'a Options,
 ) -> Result<Box<dyn InfillCriterion + 'a>, Error> {
-    let incumbents: Vec<&Sampled> = incumbents.iter().map(|&i| &rows.sampled[i]).collect();
+    let incumbents: Vec<&SampledDesign> = incumbents.iter().map(|&i| &rows.sampled[i]).collect();
     Ok(match options.criterion {
         Criterion::ExpectedQuantileImprovement => Box::new(quantile::QuantileImprovement::new(
             model,
@@ -61,7 +61,7 @@ mod tests {
         let sampled = (0..15).map(|i| {
             let x = f64::from(i) / 14.0;
             let noise = 0.05 * (37.0 * f64::from(i)).sin();
-            Sampled {
+            SampledDesign {
                 x: vec![x],
                 samples: 30,
                 response: 2.0 + (x - 0.4).powi(2) + noise,

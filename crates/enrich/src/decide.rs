@@ -7,15 +7,15 @@ use crate::confirm::confirm;
 use crate::context::Context;
 use crate::fill::fill;
 use crate::models::Regions;
-use crate::simulable::Simulable;
+use crate::simulability::SimulabilityModel;
 use crate::state::Rows;
 use crate::stop::{after_search, before_search, failures};
-use crate::{Decision, Error, Known, Note, Options, State};
+use crate::{Decision, Error, ExactCriteria, Note, Options, State};
 
 /// Decides the next round.
 ///
 /// `exact` evaluates the cheap deterministic criteria of a design: the violation of the constraints
-/// (in the caller's units; 0 or less is feasible) and a [baseline](Known::baseline) of the
+/// (in the caller's units; 0 or less is feasible) and a [baseline](ExactCriteria::baseline) of the
 /// response if there is one. It returns `None` if the design cannot be evaluated. No surrogate
 /// stands in for it.
 ///
@@ -53,12 +53,12 @@ use crate::{Decision, Error, Known, Note, Options, State};
 pub fn decide<F, K>(state: &State, options: &Options, exact: &F) -> Result<Decision, Error>
 where
     F: Fn(&[f64]) -> Option<K>,
-    K: Into<Known>,
+    K: Into<ExactCriteria>,
 {
     options.check()?;
     let rows = Rows::new(state, options)?;
     let context = Context {
-        simulable: Simulable::fit(&rows, options),
+        simulability: SimulabilityModel::fit(&rows, options),
         rows,
         options,
         round: state.rounds.len(),
@@ -73,9 +73,9 @@ where
     let regions = Regions::fit(&context, &mut batch.notes);
     let recommendation = regions.as_ref().and_then(|r| r.recommendation(&context));
     let mut stop = before_search(&state.rounds, options);
-    let mut outlook = None;
+    let mut expectation = None;
     if stop.is_none() {
-        outlook = match regions {
+        expectation = match regions {
             Some(regions) => Some(batch.choose(&context, regions)?),
             None => None,
         };
@@ -87,7 +87,7 @@ where
         let last = state.rounds.last();
         let before = last.and_then(|round| round.expected_improvement);
         let best = recommendation.as_ref();
-        stop = after_search(&context, &batch, best, outlook.as_ref(), before);
+        stop = after_search(&context, &batch, best, expectation.as_ref(), before);
     }
     Ok(Decision {
         round: context.round,
@@ -97,7 +97,7 @@ where
             batch.infill
         },
         recommendation,
-        expected_improvement: outlook.map(|outlook| outlook.expected_um),
+        expected_improvement: expectation.map(|expectation| expectation.expected_um),
         stop,
         notes: batch.notes,
         constraint_evaluations: context.evaluations.get(),

@@ -19,7 +19,7 @@ pub enum Infill {
         samples: u32,
         /// Value of the observation by the criterion.
         value: f64,
-        /// Why it was chosen.
+        /// Why the design was chosen.
         reason: Reason,
     },
     /// More samples at a design that was sampled before.
@@ -87,7 +87,7 @@ pub struct Decision {
     pub expected_improvement: Option<f64>,
     /// The reason to stop; `None` if the enrichment goes on.
     pub stop: Option<Stop>,
-    /// What a user should know about the round.
+    /// Notes on the round for its user.
     pub notes: Vec<Note>,
     /// Number of evaluations of the exact constraints.
     pub constraint_evaluations: u64,

@@ -28,7 +28,7 @@ pub enum Error {
         name: &'static str,
         /// Value of the setting.
         value: f64,
-        /// The values that would be right.
+        /// The accepted values, in words.
         expected: &'static str,
     },
     /// A model could not be extended by a point.

@@ -53,7 +53,7 @@ where
     let mut best: Option<(f64, Vec<f64>)> = None;
     for _ in 0..context.options.search_evaluations {
         let x = random_design(context, rng);
-        let violation = context.known(&x).violation;
+        let violation = context.exact_criteria(&x).violation;
         let probability = context.probability(&x);
         if violation.is_nan() || violation > 0.0 || probability == 0.0 {
             continue;
@@ -85,7 +85,7 @@ where
     };
     let mut violation = |x: &[f64]| cmaes::Evaluation {
         value: 0.0,
-        violation: context.known(x).violation,
+        violation: context.exact_criteria(x).violation,
     };
     let found = cmaes::minimise_run(&start, run, rng, &mut violation).ok()?;
     let is_new = !batch.new_designs().any(|x| context.is_same(x, &found.x));

@@ -8,11 +8,11 @@
 //!
 //! ```
 //! use cmaes::Bounds;
-//! use enrich::{Options, Sampled, State, decide};
+//! use enrich::{Options, SampledDesign, State, decide};
 //!
 //! // A response of one variable, with its least value at 0.3, known at eight designs.
 //! let response = |x: f64| 1.0 + (x - 0.3).powi(2);
-//! let sampled = |x: f64| Sampled {
+//! let sampled = |x: f64| SampledDesign {
 //!     x: vec![x],
 //!     samples: 30,
 //!     response: response(x),
@@ -36,16 +36,17 @@
 //! - [`Decision`] is the answer: [`Infill`] (new designs, and more samples at promising ones),
 //!   [`Recommendation`], [`Stop`] and [`Note`]s.
 //!
-//! All values are in the unit of the response, and so is the stopping rule: the enrichment stops when the value that the criterion gives to
-//! any observation, in every basin and in the whole box, is below δ in two rounds in a row, and the
-//! half-width of the 95 % interval at the recommended design is below δ, too.
+//! All values are in the unit of the response. The enrichment stops when the criterion values every
+//! observation, in every basin and in the whole box, below δ in two rounds in a row, and the half-width
+//! of the 95 % interval at the recommended design is below δ, too.
 //!
 //! Unusual input has a defined result:
 //!
 //! - equal responses, or too few designs for a model, lead to space-filling rounds with a [`Note`];
-//! - responses that are not numbers count as failures; where designs have failed, the value of a new one is
-//!   weighted by the probability that it can be simulated, which is learned from all designs;
-//! - two rounds of nothing but failures end the enrichment, and so does a box without a feasible design;
+//! - responses that are not numbers count as failures; if designs have failed, the value of a new design
+//!   is weighted by the probability that it can be simulated, which is learned from all designs;
+//! - two rounds in a row in which every observation fails end the enrichment, and so does a box without a
+//!   feasible design;
 //! - an infill point that falls onto an existing design becomes more samples there;
 //! - entries with the same variables are merged;
 //! - a budget that pays for none of the worthwhile observations ends the enrichment as
@@ -61,6 +62,7 @@ mod criterion;
 mod decide;
 mod decision;
 mod error;
+mod expectation;
 mod fill;
 mod message;
 mod models;
@@ -68,7 +70,7 @@ mod offer;
 mod options;
 mod rotation;
 mod search;
-mod simulable;
+mod simulability;
 mod state;
 mod stop;
 mod surrogate;
@@ -79,4 +81,4 @@ pub use decision::{Decision, Infill, Reason, Recommendation};
 pub use error::Error;
 pub use message::{Note, Stop};
 pub use options::{Criterion, Options};
-pub use state::{Known, RoundRecord, Sampled, State};
+pub use state::{ExactCriteria, RoundRecord, SampledDesign, State};

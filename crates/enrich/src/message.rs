@@ -63,7 +63,7 @@ impl fmt::Display for Stop {
     }
 }
 
-/// Something about a round that its user should know. Displayed as a sentence.
+/// A note on a round for its user. Displayed as a sentence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "note", deny_unknown_fields)]
 pub enum Note {
@@ -83,7 +83,7 @@ pub enum Note {
     NoStructure,
     /// No model could be fitted.
     NoModel {
-        /// The reason.
+        /// The error of the fit.
         reason: String,
     },
     /// No sampled design is feasible yet.
@@ -99,7 +99,7 @@ pub enum Note {
         /// The same for the local model.
         local_rmse: f64,
     },
-    /// The search chose a new design that is an existing one, which gets more samples instead.
+    /// The search chose a new design at an existing one, which gets more samples instead.
     Repeated {
         /// Index of the existing design in [`State::sampled`](crate::State::sampled).
         design: usize,

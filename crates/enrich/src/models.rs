@@ -25,15 +25,16 @@ pub(crate) struct Region {
 
 /// The regions of a round.
 pub(crate) struct Regions {
-    /// The basins in the order of their best designs, the best one first; each once for every model
-    /// of it.
+    /// The basins in the order of their best designs, the best one first. A basin with two models is
+    /// listed twice.
     pub(crate) basins: Vec<Region>,
     /// The whole box, with the model of all designs.
     pub(crate) whole: Region,
 }
 
 impl Regions {
-    /// Fits the models. `None`, with a note of the reason, if there is nothing to learn from.
+    /// Fits the models. `None`, with a note of the reason, if no model could be fitted or all responses are
+    /// equal.
     pub(crate) fn fit(context: &Context<'_>, notes: &mut Vec<Note>) -> Option<Self> {
         let rows = &context.rows;
         let all: Vec<usize> = (0..rows.sampled.len()).collect();
@@ -63,7 +64,7 @@ impl Regions {
             .into_iter()
             .map(|centre| basin(context, notes, &global, centre))
             .collect();
-        // A local model may order the basins differently from what the model of all designs did.
+        // A local model may order the basins differently than the model of all designs.
         let quantile = |b: &Vec<Region>| upper_quantile(context, &b[0].model, b[0].best);
         basins.sort_by(|a, b| quantile(a).total_cmp(&quantile(b)));
         let basins: Vec<Region> = basins.into_iter().flatten().collect();
@@ -165,7 +166,7 @@ fn basin(
     for model in global {
         let global_rmse = model.error_at(rows, &near);
         let plain = |w: &Warning| matches!(w, Warning::NoStructure { .. });
-        let refit = refits.iter().find(|refit| refit.is_like(model));
+        let refit = refits.iter().find(|refit| refit.has_scale_of(model));
         let local = refit.map(|refit| (refit, refit.error_at(rows, &near)));
         match local {
             Some((refit, local_rmse))

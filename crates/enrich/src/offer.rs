@@ -4,7 +4,7 @@ use crate::Error;
 use crate::context::Context;
 use crate::criterion::{self, InfillCriterion};
 use crate::models::Region;
-use crate::search::{Pick, search};
+use crate::search::{Candidate, search};
 
 /// Share of δ from which an observation is worth making: several small gains add up.
 const WORTHWHILE: f64 = 0.25;
@@ -12,14 +12,15 @@ const WORTHWHILE: f64 = 0.25;
 /// The best new design of a region, and the sampled design where more samples are worth most.
 #[derive(Debug)]
 pub(crate) struct Offer {
-    new: Option<Pick>,
+    new: Option<Candidate>,
+    /// A row and the value of more samples there.
     more: Option<(usize, f64)>,
 }
 
-/// The observation that won.
+/// The better observation of an offer.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Winner {
-    New(Pick),
+    New(Candidate),
     /// More samples at a row.
     More {
         row: usize,
@@ -42,7 +43,7 @@ impl Offer {
 
     /// The highest value in the region.
     pub(crate) fn value(&self) -> f64 {
-        let new = self.new.as_ref().map_or(0.0, |pick| pick.value);
+        let new = self.new.as_ref().map_or(0.0, |candidate| candidate.value);
         new.max(self.more.map_or(0.0, |(_, value)| value))
     }
 
@@ -60,12 +61,12 @@ impl Offer {
         }
         let per_sample = |value: f64, samples: u32| value / f64::from(samples);
         match (affordable.new, affordable.more) {
-            (Some(pick), Some((row, value)))
-                if per_sample(value, cost_more) > per_sample(pick.value, cost_new) =>
+            (Some(candidate), Some((row, value)))
+                if per_sample(value, cost_more) > per_sample(candidate.value, cost_new) =>
             {
                 Some(Winner::More { row, value })
             }
-            (Some(pick), _) => (pick.value > 0.0).then_some(Winner::New(pick)),
+            (Some(candidate), _) => (candidate.value > 0.0).then_some(Winner::New(candidate)),
             (None, Some((row, value))) => (value > 0.0).then_some(Winner::More { row, value }),
             (None, None) => None,
         }

@@ -125,6 +125,7 @@ impl Options {
         }
     }
 
+    /// [`Error::Setting`] for the first setting that is out of range.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let counts = [
             ("batch", self.batch),

@@ -7,17 +7,16 @@ use rand_distr::StandardNormal;
 use crate::context::Context;
 use crate::criterion::InfillCriterion;
 use crate::models::Region;
-use crate::{Error, Known};
+use crate::{Error, ExactCriteria};
 
-/// Improvement, below which none is expected; designs are then compared by their lower
-/// quantile.
+/// Value below which the criterion counts as zero; designs are then compared by their lower quantile.
 const NOTHING: f64 = 1e-9;
 /// Added to a lower quantile, so that it ranks behind every expected improvement.
 const LIFT: f64 = 1e9;
 
-/// A new design and what observing it is worth.
+/// A new design and the value of observing it.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Pick {
+pub(crate) struct Candidate {
     pub(crate) x: Vec<f64>,
     pub(crate) value: f64,
 }
@@ -30,7 +29,7 @@ pub(crate) fn search<R>(
     region: &Region,
     criterion: &dyn InfillCriterion,
     rng: &mut R,
-) -> Result<Option<Pick>, Error>
+) -> Result<Option<Candidate>, Error>
 where
     R: Rng + ?Sized,
 {
@@ -38,25 +37,25 @@ where
     let within = Bounds::new(region.bounds.clone())?;
     let mut evaluate = |x: &[f64]| -> Evaluation {
         let probability = context.probability(x);
-        let known = if probability > 0.0 {
-            context.known(x)
+        let criteria = if probability > 0.0 {
+            context.exact_criteria(x)
         } else {
-            Known::from(f64::NAN)
+            ExactCriteria::from(f64::NAN)
         };
-        let violation = known.violation;
+        let violation = criteria.violation;
         if violation.is_nan() || violation > 0.0 {
             return Evaluation {
                 value: 0.0,
                 violation,
             };
         }
-        let value = probability * criterion.new_design(x, known.baseline);
+        let value = probability * criterion.new_design(x, criteria.baseline);
         // The lower quantile guides the search where the criterion is flat, first among the designs that
         // can probably be simulated.
         let value = if value > NOTHING {
             -value
         } else {
-            let belief = region.model.belief(x, known.baseline);
+            let belief = region.model.belief(x, criteria.baseline);
             let lift = if probability < 0.5 { 2.0 * LIFT } else { LIFT };
             lift + belief.response_quantile(-options.quantile_z)
         };
@@ -109,8 +108,9 @@ where
     if !evaluation.is_feasible() {
         return Ok(None);
     }
-    let value = context.probability(&x) * criterion.new_design(&x, context.known(&x).baseline);
-    Ok(Some(Pick { x, value }))
+    let value =
+        context.probability(&x) * criterion.new_design(&x, context.exact_criteria(&x).baseline);
+    Ok(Some(Candidate { x, value }))
 }
 
 /// Random designs of a region, in turn uniform over it and normal around its centre.

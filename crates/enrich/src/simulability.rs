@@ -1,5 +1,4 @@
-//! A model of the probability that a design can be simulated, learned from those that could and those
-//! that could not.
+//! A model of the probability that a design can be simulated, fitted to simulated and failed designs.
 //!
 //! The value of a new design is weighted by the probability, as in F. Bachoc, C. Helbert, V. Picheny,
 //! *Gaussian process optimization with failures: classification and convergence proof*, Journal of
@@ -16,9 +15,9 @@ use crate::state::Rows;
 const NOISE: f64 = 0.01;
 
 /// The probability that a design can be simulated.
-pub(crate) struct Simulable(Option<Model>);
+pub(crate) struct SimulabilityModel(Option<Model>);
 
-impl Simulable {
+impl SimulabilityModel {
     /// Learns from the rows. Without a failed design every design is taken to be simulable.
     pub(crate) fn fit(rows: &Rows, options: &Options) -> Self {
         if rows.failed.is_empty() || rows.sampled.is_empty() {
@@ -55,7 +54,7 @@ mod tests {
     use cmaes::Bounds;
 
     use super::*;
-    use crate::state::{Sampled, State};
+    use crate::state::{SampledDesign, State};
 
     /// Designs of the unit square, those right of 0.6 failed.
     fn state(count: u32) -> State {
@@ -67,7 +66,7 @@ mod tests {
                 state.failed.push(x);
                 continue;
             }
-            state.sampled.push(Sampled {
+            state.sampled.push(SampledDesign {
                 x,
                 samples: 30,
                 response: 1.0,
@@ -83,7 +82,7 @@ mod tests {
     fn the_side_on_which_designs_fail_is_learned() {
         let options = Options::new(Bounds::unit(2).unwrap());
         let rows = Rows::new(&state(40), &options).unwrap();
-        let simulable = Simulable::fit(&rows, &options);
+        let simulable = SimulabilityModel::fit(&rows, &options);
         let all = state(400);
         let good = all.sampled.iter().map(|row| (&row.x, true));
         let both = good.chain(all.failed.iter().map(|x| (x, false)));
@@ -103,7 +102,7 @@ mod tests {
         let mut sound = state(40);
         sound.failed.clear();
         let rows = Rows::new(&sound, &options).unwrap();
-        let simulable = Simulable::fit(&rows, &options);
+        let simulable = SimulabilityModel::fit(&rows, &options);
         assert_eq!(simulable.probability(&[0.9, 0.5]), 1.0);
     }
 }

@@ -8,7 +8,7 @@ use crate::{Error, Options};
 /// A design whose response was sampled.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sampled {
+pub struct SampledDesign {
     /// The d variables, in the caller's units.
     pub x: Vec<f64>,
     /// The number of samples that the response was computed from, at least 1.
@@ -19,23 +19,23 @@ pub struct Sampled {
     pub variance: f64,
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
-    /// [`Known::baseline`] of the design.
+    /// [`ExactCriteria::baseline`] of the design.
     pub baseline: f64,
 }
 
-/// The exact constraints and the baseline of a design, which need no samples.
+/// The criteria of a design that need no samples: the exact constraints and the baseline.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Known {
+pub struct ExactCriteria {
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
-    /// A cheap approximation of the response: one of two models is fitted to the difference from it
-    /// (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
+    /// A cheap approximation of the response, zero everywhere if there is none. One of two models is
+    /// fitted to the difference between response and baseline (M. C. Kennedy, A. O'Hagan, *Predicting the output from a complex
     /// computer code when fast approximations are available*, Biometrika 87 (2000) 1–13, with the
-    /// factor 1). Zero everywhere if there is none.
+    /// factor 1).
     pub baseline: f64,
 }
 
-impl From<f64> for Known {
+impl From<f64> for ExactCriteria {
     /// A violation without a baseline.
     fn from(violation: f64) -> Self {
         Self {
@@ -57,12 +57,12 @@ pub struct RoundRecord {
     pub failed: u32,
 }
 
-/// Everything a round is decided from. The order of the designs is the caller's.
+/// The input of [`decide`](crate::decide). The order of the designs is the caller's.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct State {
     /// Designs with a response, one entry per design.
-    pub sampled: Vec<Sampled>,
+    pub sampled: Vec<SampledDesign>,
     /// Designs that could not be simulated or sampled.
     pub failed: Vec<Vec<f64>>,
     /// The rounds so far.
@@ -72,7 +72,7 @@ pub struct State {
 /// The usable part of a state: finite responses, one entry per design.
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
-    pub(crate) sampled: Vec<Sampled>,
+    pub(crate) sampled: Vec<SampledDesign>,
     /// The index of each row in the state; of merged entries, that of the first.
     pub(crate) index: Vec<usize>,
     pub(crate) failed: Vec<Vec<f64>>,
@@ -125,8 +125,7 @@ impl Rows {
         Ok(rows)
     }
 
-    /// The rows that are to be improved on: the feasible ones among the given, or all of them if none
-    /// is feasible.
+    /// The rows to improve on: the feasible ones of `among`, or all of `among` if none is feasible.
     pub(crate) fn incumbents(&self, among: &[usize]) -> Vec<usize> {
         let feasible = |i: &&usize| self.sampled[**i].violation <= 0.0;
         let some: Vec<usize> = among.iter().filter(feasible).copied().collect();
@@ -140,14 +139,14 @@ impl Rows {
 
 /// Replaces the variance of each response by that of a model of the variances of single samples.
 /// Variances that cannot be modelled stay.
-fn smooth_noise(rows: &mut [Sampled], options: &Options) {
+fn smooth_noise(rows: &mut [SampledDesign], options: &Options) {
     let x: Vec<f64> = rows.iter().flat_map(|row| row.x.iter().copied()).collect();
     let own: Vec<f64> = rows.iter().map(|row| row.variance).collect();
     let samples = rows.iter().map(|row| f64::from(row.samples.max(2)));
     let samples: Vec<f64> = samples.collect();
     let mut counts = samples.clone();
     counts.sort_by(f64::total_cmp);
-    // Most designs have the samples of one turn.
+    // The median count: most designs have been sampled once.
     let freedom = counts
         .get(counts.len() / 2)
         .map_or(1.0, |count| count - 1.0);
@@ -161,7 +160,7 @@ fn smooth_noise(rows: &mut [Sampled], options: &Options) {
 }
 
 /// Joins two estimates of one response, weighted by their numbers of samples.
-fn merge(row: &mut Sampled, other: &Sampled) {
+fn merge(row: &mut SampledDesign, other: &SampledDesign) {
     let (a, b) = (
         f64::from(row.samples.max(1)),
         f64::from(other.samples.max(1)),
@@ -188,7 +187,7 @@ mod tests {
             let place = f64::from(i);
             let scatter = rng.random::<f64>() - 0.5;
             let samples = if i % 7 == 0 { 72 } else { 36 };
-            Sampled {
+            SampledDesign {
                 x: vec![(0.37 * place).fract(), (0.71 * place).fract()],
                 samples,
                 response: 1.0,
@@ -208,7 +207,7 @@ mod tests {
                 ..Options::new(bounds.clone())
             };
             let rows = Rows::new(&state, &options).unwrap();
-            let factor = |row: &Sampled| row.variance * f64::from(row.samples) / 0.36;
+            let factor = |row: &SampledDesign| row.variance * f64::from(row.samples) / 0.36;
             let factors = rows.sampled.iter().map(|row| factor(row).ln().abs());
             factors.fold(0.0, f64::max)
         };

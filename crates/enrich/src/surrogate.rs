@@ -48,11 +48,11 @@ impl Surrogate {
         } else {
             Scale::Plain
         };
-        let alone = Self::on(itself, rows, which, options);
+        let alone = Self::fit_on(itself, rows, which, options);
         if sampled().all(|s| s.baseline == 0.0) {
             return Ok(vec![alone?]);
         }
-        let above = Self::on(Scale::AboveBaseline, rows, which, options);
+        let above = Self::fit_on(Scale::AboveBaseline, rows, which, options);
         let (above, alone) = match (above, alone) {
             (Ok(above), Ok(alone)) => (above, alone),
             (above, alone) => return Ok(vec![above.or(alone)?]),
@@ -71,11 +71,12 @@ impl Surrogate {
     }
 
     /// Whether both model the response on the same scale.
-    pub(crate) fn is_like(&self, other: &Self) -> bool {
+    pub(crate) fn has_scale_of(&self, other: &Self) -> bool {
         self.scale == other.scale
     }
 
-    fn on(
+    /// Fits one model to the `which` rows on this scale.
+    fn fit_on(
         scale: Scale,
         rows: &Rows,
         which: &[usize],
@@ -167,7 +168,13 @@ impl Surrogate {
         self.model.mean(x)
     }
 
-    fn with(&self, x: &[f64], y: &[f64], noise_variance: &[f64]) -> Result<Self, kriging::Error> {
+    /// The model with more observations on the modelled scale.
+    fn with_points(
+        &self,
+        x: &[f64],
+        y: &[f64],
+        noise_variance: &[f64],
+    ) -> Result<Self, kriging::Error> {
         let data = Data {
             x,
             d: self.model.dimensions(),
@@ -208,7 +215,7 @@ impl Surrogate {
     /// matrix, which implies s², is given the noise τ²/c.
     pub(crate) fn observed(&self, x: &[f64], y: f64, samples: u32) -> Result<Self, kriging::Error> {
         let noise = self.noise(samples) / self.model.calibration();
-        self.with(x, &[y], &[noise])
+        self.with_points(x, &[y], &[noise])
     }
 
     /// The model that interpolates this one's means at the points it was fitted to.
@@ -239,7 +246,7 @@ impl Surrogate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::state::{Sampled, State};
+    use crate::state::{SampledDesign, State};
 
     /// A function that is smooth over most of its range and rough at its end, so that the model
     /// needs a calibration.
@@ -251,7 +258,7 @@ mod tests {
         let sampled = (0..60).map(|i| {
             let x = f64::from(i) / 59.0;
             let rough = if x > 0.75 { (97.0 * x).sin() } else { 0.0 };
-            Sampled {
+            SampledDesign {
                 x: vec![x],
                 samples: 10,
                 response: 5.0 + x + rough,

@@ -15,7 +15,7 @@ use campaign::Criteria;
 use campaign::formulation::{Design, Problem};
 use campaign::simulator::State;
 use campaign::task::{Candidate, Inputs, Source};
-use enrich::Known;
+use enrich::ExactCriteria;
 use kriging::{Data, FitOptions, Model};
 use ledger::{StreamDemand, StreamId};
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
@@ -145,13 +145,13 @@ impl Models {
 
     /// The predicted constraint violation of a design. It is zero if a criterion has no model,
     /// because the program evaluates the chosen points anyway.
-    pub(crate) fn known(&self, problem: &Problem, x: &[f64]) -> Known {
+    pub(crate) fn known(&self, problem: &Problem, x: &[f64]) -> ExactCriteria {
         let means: Option<Vec<f64>> = self
             .models
             .iter()
             .map(|model| Some(model.as_ref()?.mean(x)))
             .collect();
-        Known::from(means.map_or(0.0, |means| violation(problem, &Criteria::new(means))))
+        ExactCriteria::from(means.map_or(0.0, |means| violation(problem, &Criteria::new(means))))
     }
 }
 

@@ -11,7 +11,7 @@ use campaign::Criteria;
 use campaign::file::ControlVariate;
 use campaign::formulation::{Design, Problem};
 use campaign::simulator;
-use enrich::{Decision, Infill, Known, Note, Reason, RoundRecord, Sampled, State};
+use enrich::{Decision, ExactCriteria, Infill, Note, Reason, RoundRecord, SampledDesign, State};
 use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{
@@ -138,7 +138,7 @@ impl Rows {
     fn state(&self, problem: &Problem, base: &Design) -> State {
         let criteria: BTreeMap<u64, &CriteriaRow> =
             self.criteria.iter().map(|row| (row.design, row)).collect();
-        let mut sampled: Vec<Sampled> = Vec::new();
+        let mut sampled: Vec<SampledDesign> = Vec::new();
         // The samples of places with more than the samples of one design's response, with the names
         // of their random streams.
         let mut pooled: BTreeMap<usize, Vec<Stream<'_>>> = BTreeMap::new();
@@ -168,7 +168,7 @@ impl Rows {
             }
             places.insert(bits(x), sampled.len());
             let samples = self.counts.get(&response.design).copied().unwrap_or(0);
-            sampled.push(Sampled {
+            sampled.push(SampledDesign {
                 x: x.clone(),
                 samples: u32::try_from(samples).unwrap_or(u32::MAX),
                 response: problem.cost(response.percentile),
@@ -179,7 +179,7 @@ impl Rows {
         }
         for row in self.infill.iter().filter(|row| !row.failed) {
             let place = *places.entry(bits(&row.x)).or_insert_with(|| {
-                sampled.push(Sampled {
+                sampled.push(SampledDesign {
                     x: row.x.to_vec(),
                     samples: 0,
                     response: f64::NAN,
@@ -294,7 +294,7 @@ impl Rows {
         let calls = Cell::new(0);
         let models = constraints::are_asked(problem)
             .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));
-        let exact = |x: &[f64]| -> Option<Known> {
+        let exact = |x: &[f64]| -> Option<ExactCriteria> {
             if let Some(models) = &models {
                 return Some(models.known(problem, x));
             }

@@ -8,7 +8,7 @@ use campaign::formulation::{Criteria, Design, GearCriteria, Problem};
 use campaign::simulator::Analysis;
 use campaign::task::FIRST_INFILL;
 use cmaes::Bounds;
-use enrich::{Known, Options};
+use enrich::{ExactCriteria, Options};
 use sha2::{Digest as _, Sha256};
 
 /// The constraint violation above which designs of the DoE do not enter the model: so far out they
@@ -97,10 +97,10 @@ fn geometric_violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
 /// Archard's wear, around which the random wear scatters. It is not computed for a design whose
 /// geometry breaks a constraint.
 #[must_use]
-pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
+pub fn known(problem: &Problem, design: &Design) -> Option<(ExactCriteria, u64)> {
     let Some(gears) = problem.gears() else {
         // There are no constraints, and no baseline that the coordinator could compute.
-        let known = Known {
+        let known = ExactCriteria {
             violation: 0.0,
             baseline: 0.0,
         };
@@ -110,14 +110,14 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(Known, u64)> {
     let unloaded = gears.pair_criteria(&pair, 0.0);
     let geometry = geometric_violation(problem, &unloaded);
     if geometry > 0.0 {
-        return Some((Known::from(geometry), 0));
+        return Some((ExactCriteria::from(geometry), 0));
     }
     let worn = pair.archard(gears.wear()).analysis;
     let criteria = GearCriteria {
         hertz_pressure_mpa: worn.hertz_pressure_mpa,
         ..unloaded
     };
-    let known = Known {
+    let known = ExactCriteria {
         violation: violation(problem, &criteria.into()),
         baseline: worn.delta_ste_um,
     };

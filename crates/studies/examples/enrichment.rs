@@ -33,7 +33,9 @@ use campaign::formulation::{Approach, Design, Problem};
 use campaign::optimise;
 use campaign::task::VERIFICATION;
 use cmaes::Bounds;
-use enrich::{Criterion, Decision, Infill, Known, Options, RoundRecord, Sampled, State, decide};
+use enrich::{
+    Criterion, Decision, ExactCriteria, Infill, Options, RoundRecord, SampledDesign, State, decide,
+};
 use kriging::{Data, Noise, Surrogate};
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
@@ -103,14 +105,19 @@ fn verify(problem: &Problem, design: &Design) -> (f64, (f64, f64)) {
 }
 
 /// The exact constraints and baseline of a design; the analyses are added to `plain`.
-fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
+fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<ExactCriteria> {
     let (known, took) = stages::infill::known(problem, &problem.design(x, base))?;
     plain.set(plain.get() + took);
     Some(known)
 }
 
 /// [`exact`] with Archard's analysis even if the geometry alone rules a design out.
-fn sampled(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<Known> {
+fn sampled(
+    problem: &Problem,
+    base: &Design,
+    x: &[f64],
+    plain: &Cell<u64>,
+) -> Option<ExactCriteria> {
     let found = exact(problem, base, x, plain)?;
     if found.baseline > 0.0 {
         return Some(found);
@@ -118,7 +125,7 @@ fn sampled(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Op
     let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
     plain.set(plain.get() + 2);
     let baseline = pair.archard(gears(problem).wear()).analysis.delta_ste_um;
-    Some(Known { baseline, ..found })
+    Some(ExactCriteria { baseline, ..found })
 }
 
 /// Response and variance of the first `count` samples of the design with stream number `number`.
@@ -286,7 +293,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         let (p90, variance) = found.expect("it was simulated a moment ago");
         worn += SAMPLES;
         numbers.push(number);
-        state.sampled.push(Sampled {
+        state.sampled.push(SampledDesign {
             x,
             samples: SAMPLES,
             response: p90,
@@ -334,10 +341,10 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         for infill in &decision.infill {
             let (index, samples) = match infill {
                 Infill::New { x, samples, .. } => {
-                    let known = known(x).unwrap_or(Known::from(f64::INFINITY));
+                    let known = known(x).unwrap_or(ExactCriteria::from(f64::INFINITY));
                     numbers.push(next);
                     next += 1;
-                    state.sampled.push(Sampled {
+                    state.sampled.push(SampledDesign {
                         x: x.clone(),
                         samples: 0,
                         response: f64::NAN,

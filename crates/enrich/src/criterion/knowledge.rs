@@ -3,7 +3,7 @@
 use super::InfillCriterion;
 use crate::Options;
 use crate::belief::{cdf, pdf};
-use crate::state::Sampled;
+use crate::state::SampledDesign;
 use crate::surrogate::Surrogate;
 
 /// The most designs compared.
@@ -21,8 +21,12 @@ pub(super) struct KnowledgeGradient<'a> {
 }
 
 impl<'a> KnowledgeGradient<'a> {
-    pub(super) fn new(model: &'a Surrogate, incumbents: &[&Sampled], options: &'a Options) -> Self {
-        let mean = |row: &&Sampled| model.mean_above(&row.x, row.baseline);
+    pub(super) fn new(
+        model: &'a Surrogate,
+        incumbents: &[&SampledDesign],
+        options: &'a Options,
+    ) -> Self {
+        let mean = |row: &&SampledDesign| model.mean_above(&row.x, row.baseline);
         let mut compared: Vec<(Vec<f64>, f64)> = incumbents
             .iter()
             .map(|row| (row.x.clone(), mean(row)))
@@ -70,7 +74,7 @@ impl InfillCriterion for KnowledgeGradient<'_> {
         self.value(x, Some(mean), self.options.samples_new)
     }
 
-    fn more_samples(&self, row: &Sampled) -> f64 {
+    fn more_samples(&self, row: &SampledDesign) -> f64 {
         if self.compared.iter().any(|(x, _)| *x == row.x) {
             self.value(&row.x, None, self.options.samples_more)
         } else {

@@ -3,7 +3,7 @@
 use super::{InfillCriterion, least};
 use crate::Options;
 use crate::belief::Belief;
-use crate::state::Sampled;
+use crate::state::SampledDesign;
 use crate::surrogate::Surrogate;
 
 /// [`Criterion::ExpectedQuantileImprovement`](crate::Criterion::ExpectedQuantileImprovement).
@@ -15,8 +15,12 @@ pub(super) struct QuantileImprovement<'a> {
 }
 
 impl<'a> QuantileImprovement<'a> {
-    pub(super) fn new(model: &'a Surrogate, incumbents: &[&Sampled], options: &'a Options) -> Self {
-        let quantile = |row: &&Sampled| {
+    pub(super) fn new(
+        model: &'a Surrogate,
+        incumbents: &[&SampledDesign],
+        options: &'a Options,
+    ) -> Self {
+        let quantile = |row: &&SampledDesign| {
             let belief = model.belief(&row.x, row.baseline);
             belief.quantile(options.quantile_z)
         };
@@ -39,7 +43,7 @@ impl InfillCriterion for QuantileImprovement<'_> {
         self.value(x, baseline, self.options.samples_new)
     }
 
-    fn more_samples(&self, row: &Sampled) -> f64 {
+    fn more_samples(&self, row: &SampledDesign) -> f64 {
         self.value(&row.x, row.baseline, self.options.samples_more)
     }
 }

@@ -1,7 +1,7 @@
 //! Expected improvement of the reinterpolating model.
 
 use super::{InfillCriterion, least};
-use crate::state::Sampled;
+use crate::state::SampledDesign;
 use crate::surrogate::Surrogate;
 use crate::{Error, Options};
 
@@ -22,11 +22,11 @@ pub(super) struct ReinterpolatedImprovement<'a> {
 impl<'a> ReinterpolatedImprovement<'a> {
     pub(super) fn new(
         model: &'a Surrogate,
-        incumbents: &[&Sampled],
+        incumbents: &[&SampledDesign],
         options: &'a Options,
     ) -> Result<Self, Error> {
         let interpolating = model.reinterpolated()?;
-        let mean = |row: &&Sampled| interpolating.mean_above(&row.x, row.baseline);
+        let mean = |row: &&SampledDesign| interpolating.mean_above(&row.x, row.baseline);
         Ok(Self {
             lowest: least(incumbents.iter().map(mean)),
             model,
@@ -42,7 +42,7 @@ impl InfillCriterion for ReinterpolatedImprovement<'_> {
         belief.expected_below(self.lowest)
     }
 
-    fn more_samples(&self, row: &Sampled) -> f64 {
+    fn more_samples(&self, row: &SampledDesign) -> f64 {
         let noise = self.model.noise(self.options.samples_more);
         let belief = self.model.belief(&row.x, row.baseline);
         belief

@@ -190,9 +190,9 @@ fn a_baseline_with_a_kink_does_not_hold_the_search() {
     };
     let baseline = |x: &[f64]| (problem.response)(x) - 0.8 + 4.0 * (mean(x) - 0.4).abs();
     let known = |x: &[f64]| {
-        Some(enrich::Known {
+        Some(enrich::ExactCriteria {
             baseline: baseline(x),
-            ..enrich::Known::from(0.0)
+            ..enrich::ExactCriteria::from(0.0)
         })
     };
     let mut state = sampled(&problem, 60, 30);

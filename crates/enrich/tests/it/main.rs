@@ -5,7 +5,7 @@ mod stability;
 mod stopping;
 
 use cmaes::Bounds;
-use enrich::{Decision, Infill, Options, RoundRecord, Sampled, State, decide};
+use enrich::{Decision, Infill, Options, RoundRecord, SampledDesign, State, decide};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use stats::streams::{Purpose, stream};
@@ -48,7 +48,7 @@ fn sampled(problem: &Problem, n: usize, samples: u32) -> State {
 
 fn add(problem: &Problem, state: &mut State, x: Vec<f64>, number: usize, samples: u32) {
     let (response, variance) = observe(problem, &x, number, samples);
-    state.sampled.push(Sampled {
+    state.sampled.push(SampledDesign {
         violation: (problem.violation)(&x).unwrap_or(f64::INFINITY),
         x,
         samples,

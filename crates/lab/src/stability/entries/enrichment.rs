@@ -1,7 +1,9 @@
 //! Enrichment on responses that are flat, cliff-edged, noise, or never feasible.
 
 use cmaes::Bounds;
-use enrich::{Decision, Infill, Note, Options, Reason, RoundRecord, Sampled, State, Stop, decide};
+use enrich::{
+    Decision, Infill, Note, Options, Reason, RoundRecord, SampledDesign, State, Stop, decide,
+};
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use stats::streams::{Purpose, stream};
@@ -125,7 +127,7 @@ impl Scene {
     fn add(&self, state: &mut State, x: Vec<f64>, samples: u32) {
         let number = state.sampled.len();
         let (response, variance) = self.observe(&x, number, samples);
-        state.sampled.push(Sampled {
+        state.sampled.push(SampledDesign {
             violation: (self.violation)(&x),
             x,
             samples,
