@@ -1,11 +1,11 @@
-//! Common parts of all calculations of the contact: path, stiffness and load of a pair, and the
+//! The common part of all calculations of the contact: path, stiffness and load of a pair, and the
 //! search for the extremes of the deflection δ over a mesh period.
 
 use crate::path::Path;
 
 /// Relative size of a Newton step after which the next one would be below rounding.
 pub(crate) const CONVERGED: f64 = 1e-9;
-/// The most Newton steps. So many are taken only when the loaded part of the path shrinks to a
+/// The most Newton steps. A solution takes that many only if the loaded part of the path shrinks to a
 /// point.
 pub(crate) const MAX_STEPS: usize = 100;
 
@@ -38,8 +38,8 @@ pub(crate) struct Extremes {
 }
 
 impl Frame {
-    /// Solves δ at every phase into `delta`, and returns its extremes. These are refined between
-    /// the phases, at places found from the neighbouring phases, where δ is solved, too.
+    /// Solves δ at every phase into `delta`, and returns its extremes. δ is also solved between the
+    /// phases, where the neighbouring phases predict an extreme.
     pub(crate) fn extremes(&self, balance: &mut impl Balance, delta: &mut Vec<f64>) -> Extremes {
         delta.clear();
         let mut previous = [(0.0, f64::NAN); 2];
@@ -69,8 +69,8 @@ impl Frame {
         extremes
     }
 
-    /// Where δ may exceed (sign 1) or fall below (sign −1) its values at the phases, each with an
-    /// estimate of δ: the best vertex of a parabola through three phases around an extreme, and
+    /// Phases at which δ may exceed (sign 1) or fall below (sign −1) its values at the given phases, each
+    /// with an estimate of δ: the best vertex of a parabola through three phases around an extreme, and
     /// the best crossing of the straight lines through the two phases before and after it. The
     /// latter finds kinks, which a spur pair has where a worn pair of teeth closes.
     fn between_phases(&self, delta: &[f64], sign: f64) -> [Option<(f64, f64)>; 2] {

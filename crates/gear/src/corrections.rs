@@ -12,9 +12,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::InputError;
 use crate::geometry::Geometry;
-use crate::input::{Member, named, within};
+use crate::input::{InputError, Member, named, within};
 
 /// The growth of tip relief from its start to the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]

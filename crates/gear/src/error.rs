@@ -1,6 +1,6 @@
-//! Everything the simulator refuses, each refusal with the numbers that decided it.
+//! Reasons why a pair cannot be simulated, each with the numbers that decided.
 
-use crate::input::Member;
+use crate::input::{InputError, Member};
 
 /// Why a pair could not be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -11,19 +11,6 @@ pub enum Error {
     /// The input is well formed, but no such gear pair exists or it cannot carry the load.
     #[error(transparent)]
     Infeasible(#[from] Infeasible),
-}
-
-/// A number that the model cannot take, whatever the others are.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{field} is {value}, but must be {expected}")]
-pub struct InputError {
-    /// The field of [`PairInput`](crate::PairInput), [`Wear`](crate::Wear) or
-    /// [`Discretisation`](crate::Discretisation), with its index where there is one.
-    pub field: &'static str,
-    /// The refused value.
-    pub value: f64,
-    /// The domain, in words.
-    pub expected: &'static str,
 }
 
 /// Why a well-formed design cannot be simulated. Lengths in mm, angles in radians.

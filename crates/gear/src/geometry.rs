@@ -12,11 +12,11 @@ use std::f64::consts::PI;
 
 use crate::error::Infeasible;
 use crate::input::{Member, PairInput, Size, TipRule};
-use crate::involute::{inv_of_tangent, tangent_of_inv};
-use crate::trochoid::Trochoid;
+use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
+use crate::trochoid::{Trochoid, rack_corner_room};
 
-/// Everything that follows from the input by geometry alone. Arrays are [pinion, gear]; lengths
-/// in mm, angles in radians.
+/// The circles, the path of contact and the ratios of an unloaded pair. Arrays are [pinion, gear];
+/// lengths in mm, angles in radians.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Geometry {
     /// Numbers of teeth.
@@ -439,9 +439,9 @@ impl Geometry {
         }
     }
 
-    /// The transverse contact ratio ε_α of the flanks that undercut leaves: the path of contact ends where it
-    /// reaches a place that is cut away. A path into a fillet is not shortened: there the teeth
-    /// interfere, which [`Geometry::interference`] tells.
+    /// The transverse contact ratio ε_α of the flanks that undercut leaves: the path of contact ends where
+    /// the flank is cut away. A path into a fillet is not shortened: there the teeth interfere, see
+    /// [`Geometry::interference`].
     #[must_use]
     pub fn eps_alpha_left(&self) -> f64 {
         let cut = |i: usize| {
@@ -476,16 +476,4 @@ impl Geometry {
     pub fn relative_radius(&self, s: f64) -> f64 {
         s * (self.path_length - s) / (self.path_length * self.beta_b.cos())
     }
-}
-
-/// √(r² − r_b²), zero inside the base circle.
-pub(crate) fn tangent_length(r: f64, r_b: f64) -> f64 {
-    ((r - r_b) * (r + r_b)).max(0.0).sqrt()
-}
-
-/// Half width left between the rack tooth's axis and the centre of its corner, mm.
-pub(crate) fn rack_corner_room(input: &PairInput, m: f64, member: Member) -> f64 {
-    let i = member.index();
-    let (rho, alpha) = (input.root_radius[i], input.pressure_angle);
-    PI * m / 4.0 - (input.tool_addendum[i] * m - rho) * alpha.tan() - rho / alpha.cos()
 }

@@ -5,7 +5,18 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::InputError;
+/// A number that the model cannot take, whatever the others are.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{field} is {value}, but must be {expected}")]
+pub struct InputError {
+    /// Field of [`PairInput`], [`Wear`], [`Discretisation`] or [`Corrections`](crate::Corrections), with
+    /// its index where there is one.
+    pub field: &'static str,
+    /// Value of the field.
+    pub value: f64,
+    /// The domain, in words.
+    pub expected: &'static str,
+}
 
 /// One of the two gears of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

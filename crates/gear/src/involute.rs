@@ -4,6 +4,11 @@
 //! t = τ/r_b = tan α and the polar angle inv α = tan α − α = t − atan t. Working with t instead of
 //! α keeps the base circle (t = 0) free of square-root singularities.
 
+/// The tangent length √(r² − r_b²) at the radius `r`, zero inside the base circle.
+pub(crate) fn tangent_length(r: f64, r_b: f64) -> f64 {
+    ((r - r_b) * (r + r_b)).max(0.0).sqrt()
+}
+
 /// inv of the angle whose tangent is `t`: t − atan t.
 pub(crate) fn inv_of_tangent(t: f64) -> f64 {
     if t.abs() < 0.05 {

@@ -3,8 +3,8 @@
 //! [`Pair::new`] computes the zero-backlash geometry of two gears cut by rack tools, the
 //! compliance of their teeth and the unworn analysis; every refusal names its reason. From the
 //! pair follow contact ratio, specific sliding, interference, root stress and Hertz pressure, the
-//! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and as many randomly
-//! worn versions as wanted, of perfect flanks ([`Pair::sampler`]) or of flanks of a tolerance class
+//! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and any number of randomly
+//! worn versions, with perfect flanks ([`Pair::sampler`]) or with flanks of a tolerance class
 //! ([`Pair::sampler_of_class`]). [`Pair::with_corrections`] adds tip relief and crowning,
 //! [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal figures for
 //! comparison.
@@ -103,11 +103,15 @@
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
+#![warn(missing_docs)]
+
+mod analysis;
 mod balance;
 mod column;
 mod converged;
 mod corrections;
 mod crowned;
+mod elasticity;
 mod error;
 mod field;
 mod geometry;
@@ -121,10 +125,13 @@ pub mod paper;
 mod path;
 mod plain;
 pub mod rating;
+mod root_stress;
 mod sampler;
 mod slices;
 mod tooth;
 mod trochoid;
+mod unworn;
+mod wear;
 mod whole_face;
 
 // The tests inside the crate share general pairs with those outside, which call it by its name.
@@ -138,16 +145,19 @@ mod properties;
 #[cfg(test)]
 mod tests;
 
+pub use analysis::Analysis;
 pub use converged::ConvergedPair;
 pub use corrections::{Corrections, ReliefShape, TipRelief};
-pub use error::{Error, Infeasible, InputError};
+pub use error::{Error, Infeasible};
 pub use geometry::{Geometry, Interference, Sliding, normal_module, sum_profile_shift};
 pub use input::{
-    Discretisation, Kernel, Material, Member, PairInput, Rack, Size, TipRule, ToothModel, Wear,
-    WearLaw,
+    Discretisation, InputError, Kernel, Material, Member, PairInput, Rack, Size, TipRule,
+    ToothModel, Wear, WearLaw,
 };
 pub use manufacture::{FlankClass, TOLERANCE_IN_SD};
 pub use outline::{Placement, gear_outline, mesh_placement};
-pub use pair::{Analysis, Pair, RootStress, Worn};
+pub use pair::Pair;
 pub use plain::PlainSum;
+pub use root_stress::RootStress;
 pub use sampler::{Sampler, WearProfile, draw_coefficients};
+pub use wear::WornPair;

@@ -24,8 +24,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::error::InputError;
 use crate::geometry::Geometry;
+use crate::input::InputError;
 
 /// The tolerance of a deviation, in standard deviations of it.
 pub const TOLERANCE_IN_SD: f64 = 3.0;

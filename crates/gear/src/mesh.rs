@@ -1,11 +1,11 @@
-//! The mesh of one pair: where its teeth touch, how stiffly, and the deflection δ over a mesh period.
+//! The mesh of one pair: its contact lines, their stiffness, and the deflection δ over a mesh period.
 //!
 //! One of three calculations behind the trait `Balance` shares out the load of a phase: slices of
 //! straight flanks (`slices`), of crowned ones (`crowned`), or whole teeth (`whole_face`).
 
 use crate::balance::{Extremes, Frame};
 use crate::crowned::{CrownedBalance, Piece};
-use crate::path::{Path, Unrolled, Window, crown};
+use crate::path::{Path, PeriodicFunction, Window, crown};
 use crate::slices::{self, SliceBalance, Slices};
 use crate::whole_face::{self, WholeFace, WholeFaceBalance};
 
@@ -16,6 +16,7 @@ pub(crate) struct Mesh {
     contact: Contact,
 }
 
+/// The calculation that shares out the load.
 #[derive(Debug, Clone)]
 enum Contact {
     Slices(Slices),
@@ -112,37 +113,37 @@ impl Mesh {
     }
 
     /// The greatest load per length of contact line at each node over the mesh period, N/mm, for the
-    /// gap `g` whose solution is in `scratch`.
+    /// gap `g` whose solution is in `scratch`. `peak` is the greatest δ, mm.
     ///
-    /// `unworn` says that the gap at the nodes is zero: δ between the phases is then computed
-    /// instead of interpolated.
+    /// `is_zero_gap`: the gap at the nodes is zero, so that δ between the phases is computed instead of
+    /// interpolated.
     pub(crate) fn greatest_load(
         &self,
         g: &[f64],
         scratch: &Scratch,
         peak: f64,
-        unworn: bool,
+        is_zero_gap: bool,
     ) -> Vec<f64> {
         let mut windows = Vec::new();
         let mut exact = |phi: f64| self.unworn(phi, &mut windows);
         let (crowning, at): (f64, Option<&mut dyn FnMut(f64) -> f64>) = match &self.contact {
             Contact::WholeFace(teeth) => {
-                return teeth.greatest_load(&self.frame, g, &scratch.delta, unworn);
+                return teeth.greatest_load(&self.frame, g, &scratch.delta, is_zero_gap);
             }
             Contact::Crowned(crowning) => (*crowning, None),
-            Contact::Slices(_) if unworn => (0.0, Some(&mut exact)),
+            Contact::Slices(_) if is_zero_gap => (0.0, Some(&mut exact)),
             Contact::Slices(_) => (0.0, None),
         };
         let path = &self.frame.path;
         let greatest = if path.window >= path.base_pitch && crowning == 0.0 {
             vec![peak; path.s.len()]
         } else {
-            let unrolled = Unrolled {
+            let function = PeriodicFunction {
                 phases: &path.phases,
                 values: &scratch.delta,
                 period: path.base_pitch,
             };
-            path.greatest_in_contact(&unrolled, path.window, crowning, at)
+            path.greatest_in_contact(&function, path.window, crowning, at)
         };
         let closed = greatest
             .iter()
@@ -158,7 +159,7 @@ impl Mesh {
     /// from 0 to 1, in N/mm, for the gap `g` whose solution is in `scratch`.
     pub(crate) fn load_across(&self, g: &[f64], scratch: &Scratch, across: f64) -> Vec<f64> {
         let path = &self.frame.path;
-        let unrolled = Unrolled {
+        let function = PeriodicFunction {
             phases: &path.phases,
             values: &scratch.delta,
             period: path.base_pitch,
@@ -168,7 +169,7 @@ impl Mesh {
         nodes
             .map(|((s, g_here), stiffness)| {
                 let end = s - path.s_in + across * path.window;
-                let delta = unrolled.between(end, &mut before);
+                let delta = function.between(end, &mut before);
                 match &self.contact {
                     Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),
                     Contact::Crowned(crowning) => {

@@ -2,13 +2,12 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-use crate::geometry::tangent_length;
 use crate::input::Member;
-use crate::involute::{inv_of_tangent, tangent_of_inv};
+use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::pair::Pair;
 use crate::trochoid::Trochoid;
 
-/// How to place a gear's outline: turn it about its axis, then move it.
+/// The place of a gear's outline in a drawing: a rotation about the axis, then a translation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Axis of the gear, mm.

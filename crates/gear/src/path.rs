@@ -266,12 +266,12 @@ impl Path {
     }
 
     /// The greatest value of a function of the phase over the phases at which each node is in
-    /// contact, less the crowning at the place on the face where it is touched then. The function is
-    /// given as `unrolled` and, where straight lines between its phases are not good enough, by its
-    /// value `at` any other. `window` is the length of a line.
+    /// contact, less the crowning at the place on the face where it is touched then. `function` is
+    /// interpolated linearly between its phases unless `at` gives its value at any phase. `window` is the
+    /// length of a line.
     pub(crate) fn greatest_in_contact(
         &self,
-        unrolled: &Unrolled<'_>,
+        function: &PeriodicFunction<'_>,
         window: f64,
         crowning: f64,
         mut at: Option<&mut dyn FnMut(f64) -> f64>,
@@ -295,33 +295,33 @@ impl Path {
             let ends = match &mut at {
                 Some(at) => at(start).max(at(end)),
                 None => {
-                    let start = unrolled.between(start, &mut before_start);
-                    start.max(unrolled.between(end, &mut before_end))
+                    let start = function.between(start, &mut before_start);
+                    start.max(function.between(end, &mut before_end))
                 }
             };
             // Both ends of the line are at an end of the face.
             let mut most = ends - crowning;
-            while unrolled.phase(entered) < end {
-                let value = unrolled.value(entered);
+            while function.phase(entered) < end {
+                let value = function.value(entered);
                 while inside
                     .back()
-                    .is_some_and(|&k| crowning == 0.0 && unrolled.value(k) <= value)
+                    .is_some_and(|&k| crowning == 0.0 && function.value(k) <= value)
                 {
                     inside.pop_back();
                 }
                 inside.push_back(entered);
                 entered += 1;
             }
-            while inside.front().is_some_and(|&k| unrolled.phase(k) <= start) {
+            while inside.front().is_some_and(|&k| function.phase(k) <= start) {
                 inside.pop_front();
             }
             if crowning > 0.0 {
                 for &k in &inside {
-                    let z = (unrolled.phase(k) - start) / window;
-                    most = most.max(unrolled.value(k) - crown(crowning, z));
+                    let z = (function.phase(k) - start) / window;
+                    most = most.max(function.value(k) - crown(crowning, z));
                 }
             } else if let Some(&k) = inside.front() {
-                most = most.max(unrolled.value(k));
+                most = most.max(function.value(k));
             }
             greatest.push(most);
         }
@@ -367,14 +367,15 @@ impl Line {
     }
 }
 
-/// A periodic function of the phase, its phases numbered on from period to period.
-pub(crate) struct Unrolled<'a> {
+/// A periodic function of the phase, given at some phases of the first period. Phases of later periods
+/// continue their numbering.
+pub(crate) struct PeriodicFunction<'a> {
     pub(crate) phases: &'a [f64],
     pub(crate) values: &'a [f64],
     pub(crate) period: f64,
 }
 
-impl Unrolled<'_> {
+impl PeriodicFunction<'_> {
     fn phase(&self, k: usize) -> f64 {
         let count = self.phases.len();
         if k < count {

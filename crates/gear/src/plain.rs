@@ -1,5 +1,5 @@
-//! The textbook calculation of ΔSTE: a plain sum over phases and slices, which the prefix sums are measured
-//! against.
+//! The textbook calculation of ΔSTE, a plain sum over phases and slices: the reference for speed and accuracy
+//! of the prefix sums.
 
 use crate::{Pair, ToothModel};
 

@@ -1,6 +1,6 @@
 //! Nominal figures of ISO 6336 and common inspection dimensions, to set beside the beam model's.
 //!
-//! Nothing of the simulation depends on this module. It covers what a reader compares first: the
+//! The simulation does not depend on this module. It covers the figures that are compared first: the
 //! form and stress correction factors Y_F and Y_S with the nominal root stress σ_F0, the factors of
 //! the nominal contact stress σ_H0, the mesh stiffness c′ and c_γ, the part of the path that form
 //! circles leave, and the dimensions that a gear is measured by.
@@ -14,10 +14,11 @@
 
 use std::f64::consts::PI;
 
-use crate::geometry::{Geometry, tangent_length};
+use crate::geometry::Geometry;
 use crate::input::Member;
-use crate::involute::{inv_of_tangent, tangent_of_inv};
+use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::pair::Pair;
+use crate::root_stress::stress_correction;
 
 /// Young's modulus of the steel for which ISO 6336-1's stiffness holds, MPa.
 const STEEL: f64 = 206e3;
@@ -173,17 +174,6 @@ fn root(pair: &Pair, member: Member, line_load: f64) -> RootRating {
         y_beta,
         stress_mpa: line_load / m * y_f * y_s * y_beta,
     }
-}
-
-/// Y_S of ISO 6336-3 (2006), at least 1; 1 where the fillet is bent the other way and is no notch.
-pub(crate) fn stress_correction(chord: f64, arm: f64, fillet_radius: f64) -> f64 {
-    let notch = if fillet_radius > 0.0 {
-        chord / (2.0 * fillet_radius)
-    } else {
-        0.0
-    };
-    let l = chord / arm;
-    ((1.2 + 0.13 * l) * notch.powf(1.0 / (1.21 + 2.3 / l))).max(1.0)
 }
 
 fn stiffness(pair: &Pair, blank_factor: f64, line_load: f64) -> MeshStiffness {

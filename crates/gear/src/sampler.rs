@@ -14,7 +14,8 @@ use crate::field::Field;
 use crate::input::{Member, Wear, WearLaw};
 use crate::manufacture::{FlankClass, SlopeDeviations};
 use crate::mesh::{Mesh, Scratch};
-use crate::pair::{Pair, take_lowest};
+use crate::pair::Pair;
+use crate::wear::take_lowest;
 
 /// One random wear of both gears, as a curve over the roll angle of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,8 +55,8 @@ pub struct Sampler {
     scratch: Scratch,
 }
 
-/// The coefficients of one [`Sampler::draw`] from a generator in the same state, for a sampler with
-/// so many [`modes`](Sampler::modes).
+/// The coefficients of one [`Sampler::draw`] from a generator in the same state, for a sampler with this
+/// number of [`modes`](Sampler::modes).
 pub fn draw_coefficients<R: Rng + ?Sized>(
     rng: &mut R,
     modes: usize,
@@ -63,8 +64,24 @@ pub fn draw_coefficients<R: Rng + ?Sized>(
     (0..modes).map(move |_| -> f64 { StandardNormal.sample(rng) })
 }
 
+impl Pair {
+    /// Prepares the drawing of randomly worn pairs. A wear that [`Wear::validate`] refuses gives
+    /// NaN samples, never a panic.
+    #[must_use]
+    pub fn sampler(&self, wear: &Wear) -> Sampler {
+        self.sampler_of_class(wear, None)
+    }
+
+    /// As [`sampler`](Self::sampler), for gears whose profile slopes deviate at random within the
+    /// tolerance of this [class](FlankClass); without one they do not deviate.
+    #[must_use]
+    pub fn sampler_of_class(&self, wear: &Wear, class: Option<FlankClass>) -> Sampler {
+        Sampler::new(self, wear, class)
+    }
+}
+
 impl Sampler {
-    pub(crate) fn new(pair: &Pair, wear: &Wear, class: Option<FlankClass>) -> Self {
+    fn new(pair: &Pair, wear: &Wear, class: Option<FlankClass>) -> Self {
         let geometry = pair.geometry();
         let roll = Member::BOTH.map(|member| -> Vec<f64> {
             pair.mesh

@@ -1,5 +1,5 @@
-//! One tooth in the virtual normal section: its outline, its elastic compliance, and the section
-//! that breaks first.
+//! One tooth in the virtual normal section: its outline, its elastic compliance, and its critical root
+//! section.
 //!
 //! A helical tooth bends in its normal section, where the rack corner is a true circle. The
 //! virtual spur gear of that section has z_n = Z/(cos²β_b cos β) teeth, module m and reference
@@ -25,9 +25,10 @@
 
 use crate::column::{Column, Failure, Point};
 use crate::error::Infeasible;
-use crate::geometry::{Geometry, rack_corner_room, tangent_length};
+use crate::geometry::Geometry;
 use crate::input::{Member, PairInput, ToothModel};
-use crate::involute::{inv_of_tangent, tangent_of_inv};
+use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
+use crate::trochoid::rack_corner_room;
 
 /// Half thickness, in modules, at which a thin tip ends for the purpose of compliance. A beam that
 /// ends in a knife edge is infinitely soft there, by the logarithm of the distance; a load beyond
@@ -84,6 +85,7 @@ pub(crate) struct Tooth {
     tau_start: f64,
     /// Largest tangent length at which the tooth still has the thickness to carry load.
     tau_tip: f64,
+    /// γ at which the involute takes over from the trochoid.
     gamma_top: f64,
     /// Tangent length at which both flanks would meet.
     tau_apex: f64,
@@ -127,6 +129,7 @@ impl Fillet {
         gamma + self.rotation(gamma.tan())
     }
 
+    /// The point (x, y) at γ.
     fn point(&self, gamma: f64) -> (f64, f64) {
         let point = self.along(Self::parameter(gamma));
         (point.x, point.y)
@@ -352,7 +355,7 @@ impl Tooth {
         )
     }
 
-    /// The load that touches at the transverse radius √(r_b² + t²).
+    /// The load that touches at the transverse radius `r`, mm.
     pub(crate) fn load_at_radius(&self, r: f64) -> Load {
         self.load_below_tip(r, 0.0)
     }

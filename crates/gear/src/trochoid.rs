@@ -4,11 +4,10 @@
 //! trochoid is named by γ, the inclination of the corner's normal in the normal section: γ = 0 at the root
 //! circle, γ = π/2 − α_n where the rack's flank begins. The tooth axis is y, half thickness x.
 
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::geometry::{rack_corner_room, tangent_length};
 use crate::input::{Member, PairInput};
-use crate::involute::inv_of_tangent;
+use crate::involute::{inv_of_tangent, tangent_length};
 
 /// The trochoid of one gear.
 #[derive(Debug, Clone, Copy)]
@@ -91,6 +90,14 @@ impl Trochoid {
         let crossing = halve(base, self.gamma_end, &is_inside);
         (crossing, tangent_length(radius(crossing), r_b))
     }
+}
+
+/// Distance between the rack tooth's axis and the centre of its corner, mm, for the normal module `m`;
+/// negative if the corner does not fit.
+pub(crate) fn rack_corner_room(input: &PairInput, m: f64, member: Member) -> f64 {
+    let i = member.index();
+    let (rho, alpha) = (input.root_radius[i], input.pressure_angle);
+    PI * m / 4.0 - (input.tool_addendum[i] * m - rho) * alpha.tan() - rho / alpha.cos()
 }
 
 #[cfg(test)]

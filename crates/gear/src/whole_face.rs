@@ -11,7 +11,7 @@
 //! crowning has no meaning.
 
 use crate::balance::{Balance, Frame, not_negative};
-use crate::path::{Line, Path, Place, Unrolled, Window};
+use crate::path::{Line, Path, PeriodicFunction, Place, Window};
 
 /// The springs of one pair of gears.
 #[derive(Debug, Clone)]
@@ -44,6 +44,7 @@ impl Spring {
         }
     }
 
+    /// The pair of teeth whose line covers this window.
     fn of_window(path: &Path, beams: &[f64], hertz: f64, window: &Window) -> Self {
         let share = (window.hi.s - window.lo.s) / path.window;
         let one = Self::new(path, beams, hertz, share, 0.5 * (window.lo.s + window.hi.s));
@@ -53,6 +54,7 @@ impl Spring {
         }
     }
 
+    /// The gap at the middle of the line.
     fn gap(&self, g: &[f64]) -> f64 {
         let (i, u) = (self.middle.cell, self.middle.u);
         g[i] + u * (g[i + 1] - g[i])
@@ -99,14 +101,14 @@ impl WholeFace {
     }
 
     /// The greatest F/b at each node over the mesh period, for the gap `g` that is solved by `delta`
-    /// at the phases: that of the pairs whose line covers the node, wherever its middle is. `unworn`
-    /// says that there is no gap.
+    /// at the phases: that of the pairs whose line covers the node, wherever its middle is.
+    /// `is_zero_gap`: the gap is zero at all nodes.
     pub(crate) fn greatest_load(
         &self,
         frame: &Frame,
         g: &[f64],
         delta: &[f64],
-        unworn: bool,
+        is_zero_gap: bool,
     ) -> Vec<f64> {
         let path = &frame.path;
         let (line, p) = (path.line(), path.base_pitch);
@@ -125,15 +127,16 @@ impl WholeFace {
         let ends: Vec<f64> = ends.collect();
         let loads = ends.iter().zip(delta.iter().cycle());
         let loads: Vec<f64> = loads.map(|(&end, &delta)| load(end, delta)).collect();
-        let unrolled = Unrolled {
+        let function = PeriodicFunction {
             phases: &ends,
             values: &loads,
             period: f64::INFINITY,
         };
         let mut windows = Vec::new();
         let mut exact = |end: f64| load(end, self.unworn(frame, end.rem_euclid(p), &mut windows));
-        let at: Option<&mut dyn FnMut(f64) -> f64> = if unworn { Some(&mut exact) } else { None };
-        path.greatest_in_contact(&unrolled, short.window, 0.0, at)
+        let at: Option<&mut dyn FnMut(f64) -> f64> =
+            if is_zero_gap { Some(&mut exact) } else { None };
+        path.greatest_in_contact(&function, short.window, 0.0, at)
     }
 
     /// F/b of a pair whose line's front end is at `end`, for the gap `g` at the deflection `delta`.

@@ -1,9 +1,9 @@
-//! Readings of what the paper leaves open, scored by the values that it prints.
+//! Readings of the details that the paper leaves open, scored by the values that it prints.
 //!
 //! A reading is a law of wear, a tooth model and a tip rule. Its score compares every printed value
-//! that is a ΔSTE: the nine statistics of Table 3 over the design of experiments, and what
-//! [`Place::values`] has of the printed designs. The law's one free number, the depth or the
-//! coefficient, is fitted to the printed designs with wear; Table 3 has no part in that.
+//! that is a ΔSTE: the nine statistics of Table 3 over the design of experiments, and
+//! [`Place::values`] of the printed designs. The law's one free number, the depth or the coefficient,
+//! is fitted to the printed designs with wear, without Table 3.
 
 use std::fmt::Write as _;
 
