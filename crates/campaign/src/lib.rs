@@ -8,6 +8,8 @@
 //!
 //! This crate does no I/O, reads no clock and does not depend on where it runs.
 
+#![warn(missing_docs)]
+
 pub mod accuracy;
 pub mod file;
 pub mod formulation;

@@ -5,10 +5,6 @@
 //! the exit codes of the programs.
 
 /// Version 1 of the protocol, as generated from `proto/pitchline/v1`.
-#[expect(
-    missing_docs,
-    reason = "generated; the .proto file carries the documentation"
-)]
 #[expect(clippy::allow_attributes_without_reason, reason = "generated")]
 pub mod v1 {
     tonic::include_proto!("pitchline.v1");
