@@ -13,7 +13,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Geometry;
-use crate::input::{InputError, Member, named, within};
+use crate::input::{InputError, Member, check_range, named};
 
 /// The growth of tip relief from its start to the tip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -84,14 +84,14 @@ impl Corrections {
     /// Names the first field that is out of its domain.
     pub fn validate(&self) -> Result<(), InputError> {
         let depth =
-            |field, value: f64| within(field, value, 0.0..=1e3, "a depth from 0 to 1000 mm");
+            |field, value: f64| check_range(field, value, 0.0..=1e3, "a depth from 0 to 1000 mm");
         for (relief, fields) in self.tip_relief.iter().zip([
             ["tip_relief[0].amount", "tip_relief[0].length"],
             ["tip_relief[1].amount", "tip_relief[1].length"],
         ]) {
             if let Some(relief) = relief {
                 depth(fields[0], relief.amount)?;
-                within(
+                check_range(
                     fields[1],
                     relief.length,
                     1e-6..=1e6,

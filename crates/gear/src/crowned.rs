@@ -8,7 +8,7 @@
 //! falls monotonically.
 
 use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
-use crate::path::crown;
+use crate::path::crowning_gap;
 
 /// The fewest even parts of a line. A parabola taken as straight in sixty-fourths is off by
 /// C_β/4096 at most.
@@ -87,7 +87,7 @@ fn balance(frame: &Frame, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<P
             let (s0, s1) = (path.s[cell], path.s[cell + 1]);
             let u = (s - s0) / (s1 - s0);
             let linear = |v: &[f64]| v[cell] + u * (v[cell + 1] - v[cell]);
-            let gap = linear(g) + crown(crowning, (end - s) / w);
+            let gap = linear(g) + crowning_gap(crowning, (end - s) / w);
             (gap, linear(&frame.stiffness))
         };
         let mut s = lo;

@@ -52,8 +52,8 @@ const ROUGH: (f64, f64) = (64.0, 193.0);
 /// The largest number of candidates.
 const MOST: f64 = 513.0;
 
-/// The most basis functions. It stays well below the largest number of candidates, so that what is
-/// left out between two chosen angles is seen at the candidates between them.
+/// The most basis functions. The number is well below the largest number of candidates, so that the
+/// variance lost between two chosen angles shows at the candidates between them.
 const MAX_RANK: usize = 64;
 
 /// The modes of one gear's field at given places.
@@ -251,7 +251,7 @@ mod tests {
     fn smooth_kernels_are_reproduced() {
         let theta = angles(41);
         for (kernel, tolerance) in [
-            // What truncation leaves out, 1e-5 on average, gathers at the ends of the interval.
+            // The variance lost by truncation, 1e-5 on average, gathers at the ends of the interval.
             (Kernel::SquaredExponential, 5e-5),
             (Kernel::Matern52, 2e-4),
             (Kernel::Matern32, 1e-3),

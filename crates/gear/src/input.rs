@@ -5,7 +5,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A number that the model cannot take, whatever the others are.
+/// A number outside the domain of the model.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{field} is {value}, but must be {expected}")]
 pub struct InputError {
@@ -285,7 +285,7 @@ impl PairInput {
     /// Names the first field that is not.
     pub fn validate(&self) -> Result<(), InputError> {
         let length = |field, value: f64| {
-            within(
+            check_range(
                 field,
                 value,
                 LENGTH.0..=LENGTH.1,
@@ -293,7 +293,7 @@ impl PairInput {
             )
         };
         for (field, z) in ["teeth[0]", "teeth[1]"].into_iter().zip(self.teeth) {
-            within(field, f64::from(z), 4.0..=10_000.0, "between 4 and 10000")?;
+            check_range(field, f64::from(z), 4.0..=10_000.0, "between 4 and 10000")?;
         }
         match self.size {
             Size::CentreDistance(a) => length("centre_distance", a)?,
@@ -307,13 +307,13 @@ impl PairInput {
             }
         }
         let degree = std::f64::consts::PI / 180.0;
-        within(
+        check_range(
             "pressure_angle",
             self.pressure_angle,
             degree..=45.000_001 * degree,
             "an angle between 1 and 45 degrees, in radians",
         )?;
-        within(
+        check_range(
             "helix_angle",
             self.helix_angle,
             -60.000_001 * degree..=60.000_001 * degree,
@@ -346,14 +346,14 @@ impl PairInput {
                 "a length from 0 to 1e6 mm",
             ),
         ] {
-            within(names[0], values[0], range.clone(), expected)?;
-            within(names[1], values[1], range, expected)?;
+            check_range(names[0], values[0], range.clone(), expected)?;
+            check_range(names[1], values[1], range, expected)?;
         }
         for (field, rho) in ["root_radius[0]", "root_radius[1]"]
             .into_iter()
             .zip(self.root_radius)
         {
-            within(
+            check_range(
                 field,
                 rho,
                 1e-9..=LENGTH.1,
@@ -366,7 +366,7 @@ impl PairInput {
         {
             d.map_or(Ok(()), |d| length(field, d))?;
         }
-        within(
+        check_range(
             "pinion_torque",
             self.pinion_torque,
             0.0..=1e15,
@@ -379,9 +379,10 @@ impl PairInput {
 impl Material {
     /// Checks that every number is finite and inside the domain of the model.
     fn validate(&self) -> Result<(), InputError> {
-        let stress = |field, value: f64| within(field, value, 1e-3..=1e9, "from 1e-3 to 1e9 MPa");
+        let stress =
+            |field, value: f64| check_range(field, value, 1e-3..=1e9, "from 1e-3 to 1e9 MPa");
         stress("youngs_modulus_mpa", self.youngs_modulus_mpa)?;
-        within(
+        check_range(
             "poisson_ratio",
             self.poisson_ratio,
             0.0..=0.499,
@@ -450,26 +451,26 @@ impl Wear {
     /// Names the first field that is out of its domain.
     pub fn validate(&self) -> Result<(), InputError> {
         match self.law {
-            WearLaw::Archard { max_depth_um } => within(
+            WearLaw::Archard { max_depth_um } => check_range(
                 "max_depth_um",
                 max_depth_um,
                 0.0..=1e6,
                 "a depth from 0 to 1e6 µm",
             )?,
-            WearLaw::Signed { coefficient } => within(
+            WearLaw::Signed { coefficient } => check_range(
                 "coefficient",
                 coefficient,
                 0.0..=1.0,
                 "a coefficient from 0 to 1 per MPa",
             )?,
         }
-        within(
+        check_range(
             "range",
             self.range,
             1e-6..=1e6,
             "a range from 1e-6 to 1e6 rad",
         )?;
-        within(
+        check_range(
             "variance",
             self.variance,
             0.0..=1e3,
@@ -524,7 +525,7 @@ impl Discretisation {
 }
 
 /// Refuses a value outside `range`, and with it every NaN and infinity.
-pub(crate) fn within(
+pub(crate) fn check_range(
     field: &'static str,
     value: f64,
     range: std::ops::RangeInclusive<f64>,

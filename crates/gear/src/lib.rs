@@ -107,7 +107,6 @@
 
 mod analysis;
 mod balance;
-mod column;
 mod converged;
 mod corrections;
 mod crowned;
@@ -124,6 +123,7 @@ mod pair;
 pub mod paper;
 mod path;
 mod plain;
+mod quadrature;
 pub mod rating;
 mod root_stress;
 mod sampler;

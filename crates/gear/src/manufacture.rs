@@ -18,8 +18,8 @@
 //!   contact to the other. A flank that is usable beyond its active part deviates less on that part.
 //! - Tolerances are not rounded as the standard's printed values are.
 //!
-//! Left out: pitch deviations, profile and helix form, helix slope, and what differs from tooth to
-//! tooth.
+//! Left out: pitch deviations, profile and helix form, helix slope, and differences between the teeth of
+//! a gear.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

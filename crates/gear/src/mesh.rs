@@ -5,7 +5,7 @@
 
 use crate::balance::{Extremes, Frame};
 use crate::crowned::{CrownedBalance, Piece};
-use crate::path::{Path, PeriodicFunction, Window, crown};
+use crate::path::{Path, PeriodicFunction, Window, crowning_gap};
 use crate::slices::{self, SliceBalance, Slices};
 use crate::whole_face::{self, WholeFace, WholeFaceBalance};
 
@@ -173,7 +173,7 @@ impl Mesh {
                 match &self.contact {
                     Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),
                     Contact::Crowned(crowning) => {
-                        (delta - g_here - crown(*crowning, across)).max(0.0) * stiffness
+                        (delta - g_here - crowning_gap(*crowning, across)).max(0.0) * stiffness
                     }
                     Contact::Slices(_) => (delta - g_here).max(0.0) * stiffness,
                 }

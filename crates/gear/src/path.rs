@@ -120,7 +120,7 @@ impl Path {
         };
         let (soft, marks) = (inside(soft), inside(marks));
         breaks.extend(soft.iter().chain(&marks));
-        let breaks = merged(breaks, MERGE * p, length);
+        let breaks = merge_close(breaks, MERGE * p, length);
         let omega = |x: f64| (1.0 - 2.0 * (s_in + x) / geometry.path_length).acos();
         let total = omega(length) - omega(0.0);
         let edge = if spur { 1.5 * window } else { 0.0 };
@@ -175,7 +175,7 @@ impl Path {
             Touch::Middle => kinks.extend(breaks.iter().map(|&x| line.end_at(x))),
         }
         let kinks = kinks.into_iter().map(|x| x.rem_euclid(p)).chain([p]);
-        let kinks = merged(kinks.collect(), MERGE * p, p);
+        let kinks = merge_close(kinks.collect(), MERGE * p, p);
         let mut phases = Vec::with_capacity(disc.phases + kinks.len());
         for pair in kinks.windows(2) {
             let count = parts((pair[1] - pair[0]) / p, disc.phases);
@@ -318,7 +318,7 @@ impl Path {
             if crowning > 0.0 {
                 for &k in &inside {
                     let z = (function.phase(k) - start) / window;
-                    most = most.max(function.value(k) - crown(crowning, z));
+                    most = most.max(function.value(k) - crowning_gap(crowning, z));
                 }
             } else if let Some(&k) = inside.front() {
                 most = most.max(function.value(k));
@@ -330,7 +330,7 @@ impl Path {
 }
 
 /// Gap of the crowning at the share `z` of the face, 0 to 1.
-pub(crate) fn crown(crowning: f64, z: f64) -> f64 {
+pub(crate) fn crowning_gap(crowning: f64, z: f64) -> f64 {
     let x = 1.0 - 2.0 * z;
     crowning * x * x
 }
@@ -400,8 +400,8 @@ impl PeriodicFunction<'_> {
     }
 }
 
-/// Sorts, drops what is closer than `tolerance` to its neighbour, and keeps both ends exact.
-fn merged(mut x: Vec<f64>, tolerance: f64, end: f64) -> Vec<f64> {
+/// Sorts the places, drops those closer than `tolerance` to a neighbour, and keeps both ends exact.
+fn merge_close(mut x: Vec<f64>, tolerance: f64, end: f64) -> Vec<f64> {
     x.retain(|&v| v <= 0.0 || (v > tolerance && v < end - tolerance));
     x.sort_by(f64::total_cmp);
     x.dedup_by(|later, earlier| *later - *earlier <= tolerance);

@@ -12,7 +12,7 @@ use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
 use crate::path::{Path, Touch, Window};
 
-/// General pairs whose teeth are slices, of every such model.
+/// General pairs whose teeth are slices, of every tooth model with slices.
 fn pairs() -> impl Strategy<Value = PairInput> {
     let sliced = prop::sample::select(vec![
         ToothModel::HertzBeam,
@@ -59,7 +59,7 @@ fn span(pair: &Pair, gap: &[f64], scratch: &mut Scratch) -> f64 {
     extremes.max - extremes.min
 }
 
-/// A geometry with the given contact ratios; only what the path reads is changed.
+/// A geometry with the given contact ratios; only the fields that the path reads are changed.
 fn with_ratios(input: &PairInput, eps_alpha: f64, eps_beta: f64) -> Option<Geometry> {
     let mut geometry = Geometry::new(input).ok()?;
     let length = eps_alpha * geometry.base_pitch;

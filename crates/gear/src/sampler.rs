@@ -15,7 +15,7 @@ use crate::input::{Member, Wear, WearLaw};
 use crate::manufacture::{FlankClass, SlopeDeviations};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
-use crate::wear::take_lowest;
+use crate::wear::subtract_lowest;
 
 /// One random wear of both gears, as a curve over the roll angle of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -186,7 +186,7 @@ impl Sampler {
             slopes.add_to(&mut self.gap, self.slope_deviation);
         }
         if self.signed || self.slopes.is_some() {
-            take_lowest(&mut self.gap);
+            subtract_lowest(&mut self.gap);
         }
         let extremes = self.mesh.solve(&self.gap, &mut self.scratch);
         (extremes.max - extremes.min) * self.scale

@@ -7,7 +7,7 @@
 //! 1/q and g are linear in each cell, so all integrals are exact sums of polynomials. While every
 //! slice touches, δ is a ratio of prefix sums. Otherwise the touching set {g < δ} is kept as one
 //! interval for each valley of g, whose ends move along the flank as δ changes; the force is then
-//! still a handful of prefix-sum differences, whatever the number of cells. The force is convex
+//! still a handful of prefix-sum differences for any number of cells. The force is convex
 //! and increasing in δ, so Newton's method falls monotonically after its first step.
 
 use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
@@ -74,7 +74,7 @@ struct Valley {
 
 /// A place with the prefix integrals of 1/q and g/q.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sum {
+struct PrefixIntegrals {
     s: f64,
     area: f64,
     gap: f64,
@@ -83,8 +83,8 @@ struct Sum {
 /// A window with its prefix integrals.
 #[derive(Debug, Clone, Copy)]
 struct Span {
-    lo: Sum,
-    hi: Sum,
+    lo: PrefixIntegrals,
+    hi: PrefixIntegrals,
     weight: f64,
 }
 
@@ -93,7 +93,7 @@ struct Span {
 pub(crate) struct Memory {
     gap_area: Vec<f64>,
     valleys: Vec<Valley>,
-    touching: Vec<(Sum, Sum)>,
+    touching: Vec<(PrefixIntegrals, PrefixIntegrals)>,
     spans: Vec<Span>,
     windows: Vec<Window>,
 }
@@ -133,7 +133,7 @@ impl Balance for SliceBalance<'_> {
     }
 }
 
-/// The gap of one sample, with what is needed to integrate it quickly.
+/// The gap of one sample, with the prefix integrals of the stiffness.
 struct Gap<'a> {
     frame: &'a Frame,
     slices: &'a Slices,
@@ -186,14 +186,14 @@ impl<'a> Gap<'a> {
     }
 
     /// Prefix integrals up to a place.
-    fn sum_at(&self, place: Place, gap_area: &[f64]) -> Sum {
+    fn integrals_at(&self, place: Place, gap_area: &[f64]) -> PrefixIntegrals {
         let (i, u) = (place.cell, place.u);
         let h = self.frame.path.s[i + 1] - self.frame.path.s[i];
         let (c0, g0) = (self.frame.stiffness[i], self.g[i]);
         let (dc, dg) = (self.frame.stiffness[i + 1] - c0, self.g[i + 1] - g0);
         let gap =
             gap_area[i] + h * u * (g0 * c0 + u * (0.5 * (g0 * dc + c0 * dg) + u * dg * dc / 3.0));
-        Sum {
+        PrefixIntegrals {
             s: place.s,
             area: self.slices.area_at(self.frame, place),
             gap,
@@ -214,8 +214,8 @@ impl<'a> Gap<'a> {
         let (mut area, mut gap) = (0.0, 0.0);
         for window in windows {
             let span = Span {
-                lo: self.sum_at(window.lo, gap_area),
-                hi: self.sum_at(window.hi, gap_area),
+                lo: self.integrals_at(window.lo, gap_area),
+                hi: self.integrals_at(window.hi, gap_area),
                 weight: window.weight,
             };
             area += span.weight * (span.hi.area - span.lo.area);
@@ -257,7 +257,7 @@ impl<'a> Gap<'a> {
         delta: f64,
         spans: &[Span],
         valleys: &mut [Valley],
-        touching: &mut Vec<(Sum, Sum)>,
+        touching: &mut Vec<(PrefixIntegrals, PrefixIntegrals)>,
         gap_area: &[f64],
     ) -> (f64, f64) {
         let g = self.g;
@@ -279,7 +279,7 @@ impl<'a> Gap<'a> {
             while g[valley.last] >= delta {
                 valley.last -= 1;
             }
-            let node = |i: usize| Sum {
+            let node = |i: usize| PrefixIntegrals {
                 s: self.frame.path.s[i],
                 area: self.slices.area[i],
                 gap: gap_area[i],
@@ -312,11 +312,11 @@ impl<'a> Gap<'a> {
     }
 
     /// The place in `cell` where the gap equals `delta`.
-    fn crossing(&self, cell: usize, delta: f64, gap_area: &[f64]) -> Sum {
+    fn crossing(&self, cell: usize, delta: f64, gap_area: &[f64]) -> PrefixIntegrals {
         let (g0, g1) = (self.g[cell], self.g[cell + 1]);
         let u = ((delta - g0) / (g1 - g0)).clamp(0.0, 1.0);
         let (s0, s1) = (self.frame.path.s[cell], self.frame.path.s[cell + 1]);
-        self.sum_at(
+        self.integrals_at(
             Place {
                 s: s0 + u * (s1 - s0),
                 cell,

@@ -15,7 +15,7 @@ fn pair() -> Pair {
     Pair::new(&input(), &Discretisation::default()).expect("the test's pair is feasible")
 }
 
-/// A geometry with the given contact ratios; only what the path reads is changed.
+/// A geometry with the given contact ratios; only the fields that the path reads are changed.
 fn with_ratios(eps_alpha: f64, eps_beta: f64) -> Geometry {
     let mut geometry = Geometry::new(&input()).expect("the test's pair is feasible");
     geometry.s_out = geometry.s_in + eps_alpha * geometry.base_pitch;
@@ -394,7 +394,7 @@ fn romberg(tooth: &Tooth, top: f64) -> ([f64; 2], [f64; 2]) {
 
 /// The adaptive quadrature against an independent integration over the same outline, for teeth of
 /// the paper's box and general ones, undercut and pointed ones among them: the tolerance that the
-/// documentation of `column` states.
+/// documentation of `quadrature` states.
 #[test]
 fn quadrature_along_the_tooth_keeps_its_tolerance() {
     use rand::RngExt as _;

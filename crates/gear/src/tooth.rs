@@ -10,9 +10,9 @@
 //! corner's normal: γ = 0 at the root circle, γ = π/2 − α_n where the involute takes over. An
 //! undercut tooth changes over where trochoid and involute cross.
 //!
-//! The integrals of bending, shear and compression along the axis are taken by the adaptive
-//! quadrature of `column`, from the root circle to the tip, with the joint of trochoid and
-//! involute as a fixed break. A tooth for which its tolerance is not reached is refused
+//! The integrals of bending, shear and compression along the axis are taken by adaptive quadrature
+//! (`quadrature`), from the root circle to the tip, with the joint of trochoid and involute as a fixed
+//! break. A tooth for which its tolerance is not reached is refused
 //! ([`Infeasible::ComplianceUnresolved`]).
 //!
 //! **Undercut** teeth follow the trochoid up to its crossing with the involute; a tooth that is
@@ -23,11 +23,11 @@
 //! schrägverzahnten Rädern*, Vieweg 1953; ISO 6336-3:2006 (30° tangent section, notch factor).
 //! Left out: coupling between neighbouring slices of the face, thin rims and shafts.
 
-use crate::column::{Column, Failure, Point};
 use crate::error::Infeasible;
 use crate::geometry::Geometry;
 use crate::input::{Member, PairInput, ToothModel};
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
+use crate::quadrature::{Failure, Point, ToothIntegrals};
 use crate::trochoid::rack_corner_room;
 
 /// Half thickness, in modules, at which a thin tip ends for the purpose of compliance. A beam that
@@ -93,7 +93,7 @@ pub(crate) struct Tooth {
     root: (f64, f64),
     /// Thickness at the reference circle.
     thickness: f64,
-    column: Column,
+    integrals: ToothIntegrals,
     model: ToothModel,
     youngs: f64,
     poisson: f64,
@@ -221,7 +221,7 @@ impl Tooth {
             tau_apex: r_b * tangent_of_inv(psi_b),
             root: fillet.point(0.0),
             thickness,
-            column: Column::default(),
+            integrals: ToothIntegrals::default(),
             model: input.tooth_model,
             youngs: input.material.youngs_modulus_mpa,
             poisson: input.material.poisson_ratio,
@@ -306,9 +306,9 @@ impl Tooth {
 
     /// Integrates along fillet and involute.
     fn integrate(&mut self, least: f64) -> Result<(), Failure> {
-        let mut column = Column::default();
+        let mut integrals = ToothIntegrals::default();
         let fillet = [0.0, Fillet::parameter(self.gamma_top)];
-        column.add_piece(fillet, PANELS[0], least, |w| self.fillet.along(w))?;
+        integrals.add_piece(fillet, PANELS[0], least, |w| self.fillet.along(w))?;
         // v = −ln(1 − τ/τ_apex) spreads the growth of 1/x³ towards the apex evenly.
         let parameter = |tau: f64| -(-tau / self.tau_apex).ln_1p();
         let on_involute = |v: f64| {
@@ -324,8 +324,8 @@ impl Tooth {
             }
         };
         let involute = [parameter(self.tau_start), parameter(self.tau_tip)];
-        column.add_piece(involute, PANELS[1], least, on_involute)?;
-        self.column = column;
+        integrals.add_piece(involute, PANELS[1], least, on_involute)?;
+        self.integrals = integrals;
         Ok(())
     }
 
@@ -377,7 +377,7 @@ impl Tooth {
     /// M2 and ∫ dy/(2x) for a load line that crosses the axis at the height `y`.
     #[cfg(test)]
     pub(crate) fn integrals(&self, y: f64) -> (f64, f64) {
-        self.column.both(y)
+        self.integrals.bending_and_shear(y)
     }
 
     /// Compliance of the tooth and its foundation under `load`, mm per N/mm; contact excluded.
@@ -386,14 +386,14 @@ impl Tooth {
         let bending = |m2: f64| 12.0 * (1.0 - nu * nu) * m2;
         let sum = match self.model {
             ToothModel::HertzBeam | ToothModel::WholeFaceBeam => {
-                bending(self.column.second_moment(load.y_l))
+                bending(self.integrals.second_moment(load.y_l))
             }
             ToothModel::PrismaticBeam => {
                 let arm = (load.y_l - self.root.1).max(0.0);
                 bending((arm / self.thickness).powi(3) / 3.0)
             }
             ToothModel::WeberBanaschek => {
-                let (m2, n0) = self.column.both(load.y_l);
+                let (m2, n0) = self.integrals.bending_and_shear(load.y_l);
                 let shear = (2.4 * (1.0 + nu) + (1.0 - nu * nu) * load.tan2) * n0;
                 let (root_x, root_y) = self.root;
                 let u = ((load.y_l - root_y) / (2.0 * root_x)).max(0.0);

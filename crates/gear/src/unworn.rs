@@ -59,7 +59,7 @@ impl UnwornContact {
             let contact = |node, &w: &f64| elastic.contact(node, w);
             if tooth_model == ToothModel::WholeFaceBeam {
                 let beams = nodes.iter().map(|node| 1.0 / node.teeth).collect();
-                // A constant, whatever the place and the load.
+                // A constant: it depends neither on the place nor on the load.
                 let hertz = contact(&nodes[0], &mean_load);
                 return Mesh::whole_face(path, beams, hertz, base_force / geometry.face_width);
             }

@@ -86,7 +86,7 @@ impl Pair {
             .collect();
         let lowest = match wear.law {
             WearLaw::Archard { .. } => 0.0,
-            WearLaw::Signed { .. } => take_lowest(&mut gap),
+            WearLaw::Signed { .. } => subtract_lowest(&mut gap),
         };
         (gap, lowest)
     }
@@ -116,7 +116,7 @@ impl Pair {
 
 /// Subtracts the lowest gap from all of them and returns it. The deflection and the transmission
 /// error fall by as much at every phase; loads and ΔSTE stay.
-pub(crate) fn take_lowest(gap: &mut [f64]) -> f64 {
+pub(crate) fn subtract_lowest(gap: &mut [f64]) -> f64 {
     let lowest = gap.iter().fold(f64::INFINITY, |least, &g| least.min(g));
     for g in gap {
         *g -= lowest;

@@ -45,7 +45,7 @@ impl Spring {
     }
 
     /// The pair of teeth whose line covers this window.
-    fn of_window(path: &Path, beams: &[f64], hertz: f64, window: &Window) -> Self {
+    fn from_window(path: &Path, beams: &[f64], hertz: f64, window: &Window) -> Self {
         let share = (window.hi.s - window.lo.s) / path.window;
         let one = Self::new(path, beams, hertz, share, 0.5 * (window.lo.s + window.hi.s));
         Self {
@@ -72,7 +72,7 @@ impl WholeFace {
         for k in 0..path.phases.len() {
             let windows = path.windows(k).iter();
             this.springs
-                .extend(windows.map(|window| Spring::of_window(path, beams, hertz, window)));
+                .extend(windows.map(|window| Spring::from_window(path, beams, hertz, window)));
             this.first.push(this.springs.len());
         }
         this
@@ -96,7 +96,8 @@ impl WholeFace {
     ) -> impl Iterator<Item = Spring> + 'a {
         windows.clear();
         frame.path.windows_at(phi, windows);
-        let spring = |window| Spring::of_window(&frame.path, &frame.stiffness, self.hertz, window);
+        let spring =
+            |window| Spring::from_window(&frame.path, &frame.stiffness, self.hertz, window);
         windows.iter().map(spring)
     }
 

@@ -12,8 +12,8 @@
 //! Each integration is of a positive function and moments are carried upwards by
 //! M2(Y + h) = M2 + 2 h M1 + h² M0, so nothing cancels even at a pointed tip.
 //!
-//! **Error control.** The last two coefficients of a series, times the panel's length, estimate what
-//! the polynomial leaves out. A panel is accepted when that is below [`TOLERANCE`] of the integral
+//! **Error control.** The last two coefficients of a series, times the panel's length, estimate the
+//! polynomial's error. A panel is accepted when the estimate is below [`TOLERANCE`] of the integral
 //! up to the panel's upper end, for each integrand and for the height; else it is halved. As every
 //! load above weighs M0, M1 and M2 with the same positive factors as their errors, its own relative
 //! error is below the tolerance too; that of a load low in a panel may be a little greater. 3000
@@ -111,15 +111,15 @@ fn at_points(series: &Series) -> Values {
     CHEBYSHEV.map(|row| row.iter().zip(series).map(|(t, b)| t * b).sum())
 }
 
-/// A polynomial of u, by powers. Powers lose five digits against the Chebyshev series, which is
-/// nothing at the tolerance kept here, and take half the time.
+/// A polynomial of u, as coefficients of its powers. Powers lose five digits against the Chebyshev
+/// series, which is nothing at the tolerance kept here, and take half the time.
 #[derive(Debug, Clone)]
-struct Powers {
+struct Polynomial {
     terms: usize,
     c: Series,
 }
 
-impl Powers {
+impl Polynomial {
     /// The series without its last terms that are below `small`.
     fn new(series: &Series, small: f64) -> Self {
         let mut terms = TERMS;
@@ -204,25 +204,25 @@ struct Panel {
     /// Height of the lower end.
     y: f64,
     /// Height above the lower end.
-    height: Powers,
+    height: Polynomial,
     /// Second moment over the panel up to there.
-    second: Powers,
+    second: Polynomial,
     /// ∫ dy/(2x) over the panel up to there.
-    inverse: Powers,
+    inverse: Polynomial,
     /// Moments of everything below, about the lower end.
     below: Moments,
 }
 
-/// A tooth from its root upwards.
+/// The integrals along a tooth, from its root upwards.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Column {
+pub(crate) struct ToothIntegrals {
     panels: Vec<Panel>,
     y_top: f64,
     top: Moments,
     tried: usize,
 }
 
-impl Column {
+impl ToothIntegrals {
     /// Integrates along the piece of the outline that `curve` describes for parameters `from` to
     /// `to`, on top of the earlier pieces, starting with `parts` panels. `least` is the half
     /// thickness at which the tooth counts as severed.
@@ -317,9 +317,9 @@ impl Column {
         top.m2 += second.iter().sum::<f64>();
         self.panels.push(Panel {
             y,
-            height: Powers::new(&integrate(&c_rate, half), NEGLIGIBLE * (y_top - y)),
-            second: Powers::new(&second, NEGLIGIBLE * top.m2),
-            inverse: Powers::new(&inverse, NEGLIGIBLE * top.n0),
+            height: Polynomial::new(&integrate(&c_rate, half), NEGLIGIBLE * (y_top - y)),
+            second: Polynomial::new(&second, NEGLIGIBLE * top.m2),
+            inverse: Polynomial::new(&inverse, NEGLIGIBLE * top.n0),
             below,
         });
         (self.y_top, self.top) = (y_top, top);
@@ -332,7 +332,7 @@ impl Column {
     }
 
     /// M2 about the height `y`, and ∫ dy/(2x) up to it.
-    pub(crate) fn both(&self, y: f64) -> (f64, f64) {
+    pub(crate) fn bending_and_shear(&self, y: f64) -> (f64, f64) {
         let level = self.locate(y);
         (level.second_moment(), level.inverse_thickness())
     }
@@ -418,17 +418,17 @@ mod tests {
     /// apex, and across the joint of two pieces.
     #[test]
     fn a_cone_has_its_closed_form() {
-        let mut column = Column::default();
+        let mut integrals = ToothIntegrals::default();
         let top = 1.0 - 1e-6;
         let cone = |y: f64| Point {
             y,
             rate: 1.0,
             x: 0.5 * (1.0 - y),
         };
-        column
+        integrals
             .add_piece([0.0, 0.4], 1, 1e-12, cone)
             .expect("smooth");
-        column
+        integrals
             .add_piece([0.4, top], 1, 1e-12, cone)
             .expect("smooth");
         for k in 100..=4000 {
@@ -439,7 +439,7 @@ mod tests {
             } else {
                 -v.ln() + v * (2.0 - 0.5 * v) - 1.5
             };
-            let both = column.both(d);
+            let both = integrals.bending_and_shear(d);
             for (ours, exact) in [(both.0, m2), (both.1, -v.ln())] {
                 assert!(
                     (ours / exact - 1.0).abs() < TOLERANCE,
@@ -448,26 +448,26 @@ mod tests {
             }
         }
         // Beyond the top nothing is added: M2 is a quadratic.
-        let h = [0.0, 1.0, 2.0, 3.0].map(|h| column.second_moment(top + h));
+        let h = [0.0, 1.0, 2.0, 3.0].map(|h| integrals.second_moment(top + h));
         assert!((h[3] - 3.0 * h[2] + 3.0 * h[1] - h[0]).abs() < 1e-9 * h[3]);
-        assert_eq!(column.second_moment(-1.0), 0.0);
+        assert_eq!(integrals.second_moment(-1.0), 0.0);
     }
 
     /// A load inside a panel whose height starts quadratically is placed by inverting that.
     #[test]
     fn a_height_without_initial_slope_is_inverted() {
-        let mut column = Column::default();
+        let mut integrals = ToothIntegrals::default();
         let cylinder = |t: f64| Point {
             y: t * t + 0.3 * t * t * t,
             rate: t * (2.0 + 0.9 * t),
             x: 0.5,
         };
-        column
+        integrals
             .add_piece([0.0, 1.0], 1, 0.1, cylinder)
             .expect("smooth");
         for k in 1..=1000 {
             let y = 1.3 * f64::from(k) / 1000.0;
-            let (m2, n0) = column.both(y);
+            let (m2, n0) = integrals.bending_and_shear(y);
             assert!((m2 - y * y * y / 3.0).abs() < 1e-9, "{y}: {m2}");
             assert!((n0 - y).abs() < 1e-9, "{y}: {n0}");
         }
@@ -480,14 +480,14 @@ mod tests {
             rate: 1.0,
             x: 1.5 + (1e9 * t * t).sin(),
         };
-        let outcome = Column::default().add_piece([0.0, 1.0], 1, 0.1, noise);
+        let outcome = ToothIntegrals::default().add_piece([0.0, 1.0], 1, 0.1, noise);
         assert!(matches!(outcome, Err(Failure::Unresolved(error)) if error > TOLERANCE));
         let waist = |t: f64| Point {
             y: t,
             rate: 1.0,
             x: (t - 0.5).abs(),
         };
-        let outcome = Column::default().add_piece([0.0, 1.0], 1, 1e-9, waist);
+        let outcome = ToothIntegrals::default().add_piece([0.0, 1.0], 1, 1e-9, waist);
         assert_eq!(outcome, Err(Failure::Severed(0.0)));
         let nothing = |t: f64| Point {
             y: t,
@@ -495,7 +495,7 @@ mod tests {
             x: f64::NAN,
         };
         assert!(
-            Column::default()
+            ToothIntegrals::default()
                 .add_piece([0.0, 1.0], 1, 1e-9, nothing)
                 .is_err()
         );
