@@ -97,7 +97,7 @@ pub(crate) fn merge_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), 
 /// Checks the data and keeps observations at equal points apart: an unknown nugget is estimated
 /// from their scatter, which a mean of them would lose. Only copies, noise-free observations of the
 /// same value, count once. A row given twice carries no information, and as two measurements it
-/// would make the nugget vanish, whatever the other observations are.
+/// would make the nugget vanish for any other observations.
 pub(crate) fn keep_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     merge_where(data, |a, b, row| {
         let exact = data.noise_variance[a] == 0.0 && data.noise_variance[b] == 0.0;
@@ -194,14 +194,14 @@ impl Contradiction {
 }
 
 /// The value of the first noise-free observation of a group.
-fn exact(group: &[usize], data: &Data<'_>) -> Option<f64> {
+fn exact_value(group: &[usize], data: &Data<'_>) -> Option<f64> {
     let mut exact = group.iter().filter(|&&i| data.noise_variance[i] == 0.0);
     exact.next().map(|&i| data.y[i])
 }
 
 /// Whether a group's observations contradict each other.
 fn contradicts(group: &[usize], data: &Data<'_>) -> bool {
-    let exact = exact(group, data);
+    let exact = exact_value(group, data);
     let centre = exact.unwrap_or_else(|| weighted_mean(group, data, 0.0).0);
     let differing = group.iter().filter(|&&i| data.y[i] != centre);
     let squares = differing.map(|&i| (data.y[i] - centre).powi(2) / data.noise_variance[i]);
@@ -220,7 +220,7 @@ fn merge_group(group: &[usize], data: &Data<'_>, contradiction: &Contradiction) 
     if let [only] = group {
         return (data.y[*only], data.noise_variance[*only], 0.0);
     }
-    let exact = exact(group, data);
+    let exact = exact_value(group, data);
     let extra = match (contradicts(group, data), exact) {
         (true, _) => contradiction.variance,
         (false, Some(y)) => return (y, 0.0, 0.0),

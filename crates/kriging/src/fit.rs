@@ -157,8 +157,8 @@ pub(crate) fn fit_subset(
         search.tolerance = SUBSET_TOLERANCE;
     }
     let optimum = search.run()?;
-    let mut warnings = search.at_bounds(&optimum);
-    warnings.extend(search.of_search(&optimum));
+    let mut warnings = search.bound_warnings(&optimum);
+    warnings.extend(search.search_warnings(&optimum));
     let mut ln_ranges = optimum.outcome.at;
     let mut variance = || ln_ranges.pop().map_or(0.0, f64::exp);
     let sigma2 = variance();

@@ -1,8 +1,8 @@
 //! The negative log likelihood of kriging with known noise, or that of the posterior, and its derivatives.
 //!
 //! With z = y − Fμ, F the trend's basis (ones, for a constant), μ its generalised least squares
-//! coefficients, C = R + jitter·I + diag(v/σ²), v the noise (a nugget τ² included), so that the K_Δ of equations (19) and
-//! (20) is σ²C, and β = C⁻¹z:
+//! coefficients, C = R + jitter·I + diag(v/σ²), v the noise (a nugget τ² included), so that the K_Δ of
+//! equations (19) and (20) is σ²C, and β = C⁻¹z:
 //!
 //! - value: n/2 ln(2πσ²) + ½ ln|C| + zᵀβ/(2σ²);
 //! - ∂/∂ ln θⱼ = ½ Σₐᵦ (C⁻¹ − ββᵀ/σ²)ₐᵦ ∂Rₐᵦ/∂ ln θⱼ;
@@ -23,7 +23,7 @@ use std::borrow::Cow;
 
 use crate::data::scaled::ScaledData;
 use crate::kernel::Kernel;
-use crate::linalg::{Lower, Spd, dot};
+use crate::linalg::{LowerTriangle, Spd, dot};
 use derivatives::EvaluationPoint;
 use gls::{Gls, Trend};
 use prior::{Estimator, Prior};
@@ -47,8 +47,8 @@ pub(crate) fn covariance(
     jitter: f64,
     ratio: impl Fn(usize) -> f64 + Sync,
     memory: Vec<f64>,
-) -> Lower {
-    Lower::in_memory(memory, n, |k, column| {
+) -> LowerTriangle {
+    LowerTriangle::in_memory(memory, n, |k, column| {
         let at = point(columns, k);
         kernel.correlations(&at, |j| &columns[j][k..], column);
         column[0] += jitter + ratio(k);

@@ -61,19 +61,19 @@ pub(crate) fn sum_of(a: &[f64], b: &[f64], f: impl Fn(f64, f64) -> f64) -> f64 {
 
 /// The lower triangle of an n × n matrix, column by column.
 #[derive(Debug, Clone)]
-pub(crate) struct Lower {
+pub(crate) struct LowerTriangle {
     n: usize,
     /// n rows of every column. Numbers above the diagonal are arbitrary.
     values: Vec<f64>,
 }
 
-impl Lower {
+impl LowerTriangle {
     /// The matrix whose column k, from the diagonal down, `fill` writes.
     pub(crate) fn from_columns(n: usize, fill: impl Fn(usize, &mut [f64]) + Sync) -> Self {
         Self::in_memory(Vec::new(), n, fill)
     }
 
-    /// [`Lower::from_columns`] in the memory of an earlier matrix: new memory would cost the system
+    /// [`LowerTriangle::from_columns`] in the memory of an earlier matrix: new memory would cost the system
     /// a tenth of a fit.
     pub(crate) fn in_memory(
         mut values: Vec<f64>,
@@ -90,7 +90,7 @@ impl Lower {
         Self { n, values }
     }
 
-    /// The memory of the matrix, for [`Lower::in_memory`].
+    /// The memory of the matrix, for [`LowerTriangle::in_memory`].
     pub(crate) fn into_memory(self) -> Vec<f64> {
         self.values
     }
@@ -123,12 +123,12 @@ pub(crate) struct NotPositiveDefinite {
 /// A symmetric positive definite matrix A, stored as its Cholesky factor L, A = L Lᵀ.
 #[derive(Debug, Clone)]
 pub(crate) struct Spd {
-    factor: Lower,
+    factor: LowerTriangle,
 }
 
 impl Spd {
     /// Factorises a matrix, given by its lower triangle.
-    pub(crate) fn factor(mut matrix: Lower) -> Result<Self, NotPositiveDefinite> {
+    pub(crate) fn factor(mut matrix: LowerTriangle) -> Result<Self, NotPositiveDefinite> {
         let (n, par) = (matrix.n, threads(matrix.n));
         let mut memory =
             MemBuffer::new(cholesky_in_place_scratch::<f64>(n, par, Default::default()));
@@ -186,13 +186,13 @@ impl Spd {
         (view, Par::Seq)
     }
 
-    /// The memory of L, for [`Lower::in_memory`].
+    /// The memory of L, for [`LowerTriangle::in_memory`].
     pub(crate) fn into_memory(self) -> Vec<f64> {
         self.factor.into_memory()
     }
 
     /// A⁻¹, in the memory of L. `memory` holds L⁻¹ in between.
-    pub(crate) fn into_inverse(self, memory: &mut Vec<f64>) -> Lower {
+    pub(crate) fn into_inverse(self, memory: &mut Vec<f64>) -> LowerTriangle {
         let half = self.half_inverse(std::mem::take(memory));
         let mut inverse = self.factor;
         let n = inverse.n;
@@ -219,9 +219,9 @@ impl Spd {
     }
 
     /// L⁻¹, in the memory `values`.
-    pub(crate) fn half_inverse(&self, mut values: Vec<f64>) -> Lower {
+    pub(crate) fn half_inverse(&self, mut values: Vec<f64>) -> LowerTriangle {
         values.resize(self.factor.values.len(), 0.0);
-        let mut half = Lower {
+        let mut half = LowerTriangle {
             n: self.len(),
             values,
         };
@@ -231,11 +231,11 @@ impl Spd {
 
     /// The matrix with m more rows and columns. `cross` holds the m new columns in the old n rows,
     /// `corner` the new columns in the new rows. `None` if a new row depends on the others up to rounding.
-    pub(crate) fn append_rows(&self, mut cross: Vec<f64>, corner: &Lower) -> Option<Self> {
+    pub(crate) fn append_rows(&self, mut cross: Vec<f64>, corner: &LowerTriangle) -> Option<Self> {
         let (n, m) = (self.len(), corner.n);
         self.half_solve(&mut cross);
         let row = |k: usize| &cross[k * n..(k + 1) * n];
-        let left = Lower::from_columns(m, |k, column| {
+        let left = LowerTriangle::from_columns(m, |k, column| {
             for ((i, left), value) in (k..).zip(column).zip(corner.column(k)) {
                 *left = value - dot(row(k), row(i));
             }
@@ -246,7 +246,7 @@ impl Spd {
         if both.any(|(pivot, whole)| pivot * pivot <= rounding * whole) {
             return None;
         }
-        let factor = Lower::from_columns(n + m, |k, column| {
+        let factor = LowerTriangle::from_columns(n + m, |k, column| {
             if k < n {
                 let (old, new) = column.split_at_mut(n - k);
                 old.copy_from_slice(self.factor.column(k));
@@ -267,10 +267,10 @@ mod tests {
     use super::*;
 
     /// A covariance of n points on a line, and the points.
-    fn matrix(n: usize) -> Lower {
+    fn matrix(n: usize) -> LowerTriangle {
         let mut rng = stream(3, Purpose::Test, n as u64, 0);
         let at: Vec<f64> = (0..n).map(|_| rng.random::<f64>()).collect();
-        Lower::from_columns(n, |k, column| {
+        LowerTriangle::from_columns(n, |k, column| {
             for (i, value) in (k..).zip(column) {
                 let h = 30.0 * (at[i] - at[k]);
                 *value = (-h * h).exp() + if i == k { 0.1 } else { 0.0 };
@@ -278,7 +278,7 @@ mod tests {
         })
     }
 
-    fn times(matrix: &Lower, x: &[f64]) -> Vec<f64> {
+    fn times(matrix: &LowerTriangle, x: &[f64]) -> Vec<f64> {
         let element = |i: usize, j: usize| matrix.column(i.min(j))[i.abs_diff(j)];
         let row = |i: usize| (0..x.len()).map(|j| element(i, j) * x[j]).sum();
         (0..x.len()).map(row).collect()
@@ -321,7 +321,7 @@ mod tests {
         let (n, m) = (50, 9);
         let longer = matrix(n + m);
         let part = |from: usize, to: usize| {
-            Lower::from_columns(to - from, |k, column| {
+            LowerTriangle::from_columns(to - from, |k, column| {
                 column.copy_from_slice(&longer.column(from + k)[..to - from - k]);
             })
         };
@@ -334,7 +334,7 @@ mod tests {
             assert!((a - b).abs() < 1e-12);
         }
         let once_more: Vec<f64> = (0..n).map(|i| short_row(&short, i)).collect();
-        let corner = Lower::from_columns(1, |_, column| column[0] = 1.1);
+        let corner = LowerTriangle::from_columns(1, |_, column| column[0] = 1.1);
         assert!(short.append_rows(once_more, &corner).is_none());
     }
 

@@ -37,7 +37,7 @@ impl Noise {
     ///
     /// # Errors
     ///
-    /// Those of [`smoothed_noise`].
+    /// The errors of [`smoothed_noise`].
     pub fn variances(
         self,
         x: &[f64],

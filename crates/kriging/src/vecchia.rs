@@ -43,7 +43,7 @@ use crate::model::Parameters;
 use crate::model::coordinates::{Coordinates, rows};
 use crate::model::predict::Prediction;
 use crate::{Error, Estimator, FitOptions, Nugget, Warning};
-use conditional::Conditional;
+use conditional::ConditionalProcess;
 use neighbours::{max_min_order, nearest, nearest_earlier};
 
 /// Options of a fit by nearest-neighbour conditioning.
@@ -267,7 +267,7 @@ fn likelihood(
     let ones = vec![1.0; n];
     // D, r_y and r_1 of a point.
     let term = |i: usize| {
-        let given = all.given(&earlier[i], &point(&columns, i), [&ordered.y, &ones]);
+        let given = all.conditional(&earlier[i], &point(&columns, i), [&ordered.y, &ones]);
         let [of_y, of_ones] = given.means;
         // At a point on top of an exact one, no variance may be left.
         let variance = (given.variance + given.jitter + all.noise_ratio[i]).max(f64::EPSILON);
@@ -320,7 +320,7 @@ impl Vecchia {
         let at = self.coordinates.scaled(x);
         let columns = &self.coordinates.columns;
         let near = nearest(columns, &at, self.points.len(), self.neighbours);
-        let given = self.given(&near, &at);
+        let given = self.conditional(&near, &at);
         Prediction {
             mean: self.parameters.mu + given.means[0],
             variance: self.parameters.sigma2 * given.variance * self.calibration,
@@ -328,13 +328,13 @@ impl Vecchia {
     }
 
     /// The process at the scaled coordinates `at` given the observations `near`.
-    fn given(&self, near: &[u32], at: &[f64]) -> Conditional<1> {
+    fn conditional(&self, near: &[u32], at: &[f64]) -> ConditionalProcess<1> {
         let all = conditional::Points {
             kernel: self.kernel,
             columns: &self.coordinates.columns,
             noise_ratio: &self.noise_ratio,
         };
-        all.given(near, at, [&self.centred])
+        all.conditional(near, at, [&self.centred])
     }
 
     /// The mean of [`Vecchia::predict`].

@@ -7,7 +7,7 @@
 //! direction fails, one gradient step is tried before the search ends. The value never rises.
 
 use crate::likelihood::Evaluation;
-use crate::linalg::{Lower, Spd, dot};
+use crate::linalg::{LowerTriangle, Spd, dot};
 
 /// The most one step may change any variable; the variables are logarithms.
 const LONGEST_STEP: f64 = 2.0;
@@ -202,7 +202,7 @@ fn newton_step(curvature: &[f64], gradient: &[f64], free: &[usize]) -> Vec<f64> 
                 value
             }
         };
-        let matrix = Lower::from_columns(free.len(), |k, column| {
+        let matrix = LowerTriangle::from_columns(free.len(), |k, column| {
             column
                 .iter_mut()
                 .zip(&free[k..])

@@ -52,19 +52,19 @@ impl Search<'_> {
         let slopes = trend - 1;
         let needed = optimum.outcome.at.len() - 1 + slopes;
         let ln_ranges = &optimum.outcome.at[..if self.tied { 1 } else { d }];
-        let of_prior = self.options.estimator.of_prior(d, ln_ranges);
+        let of_prior = self.options.estimator.penalty(d, ln_ranges);
         let value = optimum.outcome.value - of_prior;
         let no_structure = no_structure(self.data, value, needed);
         let of_points = few_points.into_iter().chain(no_structure);
         let of_search = self
-            .at_bounds(optimum)
+            .bound_warnings(optimum)
             .into_iter()
-            .chain(self.of_search(optimum));
+            .chain(self.search_warnings(optimum));
         of_points.chain(of_search).collect()
     }
 
     /// Whether parameter p ended at its upper or its lower bound.
-    fn is_at(&self, at: &[f64], p: usize, upper: bool) -> bool {
+    fn is_at_bound(&self, at: &[f64], p: usize, upper: bool) -> bool {
         if upper {
             at[p] >= self.upper[p] - NEAR
         } else {
@@ -73,7 +73,7 @@ impl Search<'_> {
     }
 
     /// The warnings about parameters that ended at a bound.
-    pub(super) fn at_bounds(&self, optimum: &Optimum) -> Vec<Warning> {
+    pub(super) fn bound_warnings(&self, optimum: &Optimum) -> Vec<Warning> {
         let at = &optimum.outcome.at;
         let active = &self.data.active;
         let mut warnings = Vec::new();
@@ -82,7 +82,7 @@ impl Search<'_> {
         let own_ranges = if is_shared { 0 } else { active.len() };
         for upper in [false, true] {
             let coordinates: Vec<usize> = (0..own_ranges)
-                .filter(|&p| self.is_at(at, p, upper))
+                .filter(|&p| self.is_at_bound(at, p, upper))
                 .map(|p| active[p])
                 .collect();
             if !coordinates.is_empty() {
@@ -91,7 +91,7 @@ impl Search<'_> {
         }
         let of_variance = |p: usize| {
             let lower = at[p] <= self.lower[p] + NO_VARIANCE.ln();
-            (lower || self.is_at(at, p, true)).then_some(!lower)
+            (lower || self.is_at_bound(at, p, true)).then_some(!lower)
         };
         let last = at.len() - 1;
         let of_sigma2 = of_variance(last).map(|upper| Warning::ProcessVarianceAtBound { upper });
@@ -104,7 +104,7 @@ impl Search<'_> {
     }
 
     /// The warnings about the course of the search and about ranges that the data do not determine.
-    pub(super) fn of_search(&self, optimum: &Optimum) -> Vec<Warning> {
+    pub(super) fn search_warnings(&self, optimum: &Optimum) -> Vec<Warning> {
         let mut warnings = Vec::new();
         if !optimum.outcome.converged {
             warnings.push(Warning::NotConverged {
@@ -118,7 +118,7 @@ impl Search<'_> {
             });
             return warnings;
         }
-        let coordinates = self.flat(optimum);
+        let coordinates = self.flat_ranges(optimum);
         if !coordinates.is_empty() {
             warnings.push(Warning::FlatRanges { coordinates });
         }
@@ -127,24 +127,29 @@ impl Search<'_> {
 
     /// The coordinates whose ranges the data do not determine. Ranges at a bound have their own
     /// warning.
-    fn flat(&self, optimum: &Optimum) -> Vec<usize> {
+    fn flat_ranges(&self, optimum: &Optimum) -> Vec<usize> {
         let at = &optimum.outcome.at;
         let active = &self.data.active;
         // A range that some points determine is determined by all; only the others are tested on
         // all points.
         let some = self.subset(SCREENING.min(self.data.len()));
         let mut flat: Vec<usize> = (0..active.len())
-            .filter(|&p| !self.is_at(at, p, false) && !self.is_at(at, p, true))
+            .filter(|&p| !self.is_at_bound(at, p, false) && !self.is_at_bound(at, p, true))
             .collect();
         let all = self.data.len() > some.len();
         for data in std::iter::once(&some).chain(all.then_some(self.data)) {
-            flat = self.flat_on(data, optimum, flat);
+            flat = self.flat_ranges_on(data, optimum, flat);
         }
         flat.into_iter().map(|p| active[p]).collect()
     }
 
     /// The ranges of `among` that `data` do not determine.
-    fn flat_on(&self, data: &ScaledData, optimum: &Optimum, among: Vec<usize>) -> Vec<usize> {
+    fn flat_ranges_on(
+        &self,
+        data: &ScaledData,
+        optimum: &Optimum,
+        among: Vec<usize>,
+    ) -> Vec<usize> {
         let at = &optimum.outcome.at;
         if among.is_empty() {
             return among;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::gls::Gls;
 use super::{Likelihood, point};
-use crate::linalg::{Lower, Spd, dot};
+use crate::linalg::{LowerTriangle, Spd, dot};
 
 /// The parameters at which the derivatives are computed, with intermediate results of the value there.
 pub(super) struct EvaluationPoint<'a> {
@@ -30,7 +30,7 @@ impl Likelihood<'_> {
     }
 
     /// The gradient of the value. `inverse` is C⁻¹.
-    pub(super) fn gradient(&self, at: &EvaluationPoint<'_>, inverse: &Lower) -> Vec<f64> {
+    pub(super) fn gradient(&self, at: &EvaluationPoint<'_>, inverse: &LowerTriangle) -> Vec<f64> {
         let EvaluationPoint {
             count,
             beta,

@@ -6,7 +6,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::linalg::{Lower, Spd, dot};
+use crate::linalg::{LowerTriangle, Spd, dot};
 
 /// The deterministic part of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -60,7 +60,7 @@ impl Gls {
     /// From F and C⁻¹F, both n × p and column by column; `None` if the columns of F depend on each
     /// other.
     pub(crate) fn new(basis: &[f64], c_inv_f: Vec<f64>, n: usize) -> Option<Self> {
-        let matrix = Lower::from_columns(basis.len() / n, |k, column| {
+        let matrix = LowerTriangle::from_columns(basis.len() / n, |k, column| {
             for (f, value) in basis.chunks_exact(n).skip(k).zip(column) {
                 *value = dot(f, &c_inv_f[k * n..(k + 1) * n]);
             }

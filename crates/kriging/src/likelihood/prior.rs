@@ -23,7 +23,7 @@ pub enum Estimator {
 impl Estimator {
     /// −ln of the prior's density, up to a constant, at all `d` ranges or at one that all
     /// coordinates share.
-    pub(crate) fn of_prior(self, d: usize, ln_ranges: &[f64]) -> f64 {
+    pub(crate) fn penalty(self, d: usize, ln_ranges: &[f64]) -> f64 {
         Prior::new(self, d, ln_ranges).map_or(0.0, |prior| prior.value())
     }
 }

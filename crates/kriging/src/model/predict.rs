@@ -77,7 +77,7 @@ impl Model {
     /// [`Error::Shape`] if `x` is not a whole number of rows.
     pub fn predict_many(&self, x: &[f64]) -> Result<Vec<Prediction>, Error> {
         let rows = rows(x, self.points.d)?;
-        // Every batch is computed by one thread, whichever that is.
+        // One thread computes a batch, so the result does not depend on the number of threads.
         Ok(rows
             .par_chunks(BATCH)
             .flat_map_iter(|batch| self.predict_batch(batch))

@@ -5,7 +5,7 @@ use crate::data::scaled::ScaledData;
 use crate::data::{Points, contradiction, keep_repeated, merge_repeated};
 use crate::error::check_length;
 use crate::likelihood::{noise_ratio, point};
-use crate::linalg::{Lower, Spd};
+use crate::linalg::{LowerTriangle, Spd};
 use crate::{Data, Error, Warning};
 
 impl Model {
@@ -85,7 +85,7 @@ impl Model {
         for (k, column) in (old..).zip(cross.chunks_exact_mut(old)) {
             correlations(k, 0, column);
         }
-        let corner = Lower::from_columns(n - old, |k, column| {
+        let corner = LowerTriangle::from_columns(n - old, |k, column| {
             correlations(old + k, old + k, column);
             let noise = longer.points.noise[old + k] + longer.parameters.nugget;
             column[0] += longer.jitter + noise_ratio(noise, longer.parameters.sigma2);

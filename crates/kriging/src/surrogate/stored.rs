@@ -101,7 +101,7 @@ impl Surrogate {
     ///
     /// # Errors
     ///
-    /// [`Error::Json`] and [`Error::Version`] for text that is not such a model, [`Error::Shape`],
+    /// [`Error::Json`] and [`Error::Version`] for text that is not a stored model, [`Error::Shape`],
     /// [`Error::NonFinite`], [`Error::NegativeNoise`] and [`Error::OutOfRange`] for one whose numbers do
     /// not fit together.
     pub fn from_json(text: &str) -> Result<Self, Error> {

@@ -15,7 +15,7 @@ pub(super) struct Points<'a> {
 
 /// The process at one point, given a few others.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Conditional<const R: usize> {
+pub(super) struct ConditionalProcess<const R: usize> {
     /// cᵀC⁻¹v for each vector v of values, with c the correlations of the point with the others.
     pub(super) means: [f64; R],
     /// 1 − cᵀC⁻¹c: the conditional variance over the process variance.
@@ -27,12 +27,12 @@ pub(super) struct Conditional<const R: usize> {
 impl Points<'_> {
     /// The process at the scaled coordinates `at` given the points `near`, for each vector of `values` of all
     /// points.
-    pub(super) fn given<const R: usize>(
+    pub(super) fn conditional<const R: usize>(
         &self,
         near: &[u32],
         at: &[f64],
         values: [&[f64]; R],
-    ) -> Conditional<R> {
+    ) -> ConditionalProcess<R> {
         let m = near.len();
         let of_near = |values: &[f64]| near.iter().map(|&i| values[i as usize]).collect();
         let columns: Vec<Vec<f64>> = self.columns.iter().map(|c| of_near(c)).collect();
@@ -43,7 +43,7 @@ impl Points<'_> {
         });
         let Some((factor, jitter)) = factorised else {
             // No such matrix is known. The prior is the result without neighbours.
-            return Conditional {
+            return ConditionalProcess {
                 means: [0.0; R],
                 variance: 1.0,
                 jitter: JITTERS[JITTERS.len() - 1],
@@ -56,7 +56,7 @@ impl Points<'_> {
             .for_each(|v| solved.extend::<Vec<f64>>(of_near(v)));
         factor.half_solve(&mut solved);
         let (half, values) = solved.split_at(m);
-        Conditional {
+        ConditionalProcess {
             means: std::array::from_fn(|r| dot(half, &values[r * m..(r + 1) * m])),
             variance: (1.0 - dot(half, half)).max(0.0),
             jitter,

@@ -90,7 +90,7 @@ impl Vecchia {
             // Shortens the list only where the point is not among its own nearest, because others
             // coincide with it.
             near.truncate(neighbours);
-            let given = self.given(&near, &at);
+            let given = self.conditional(&near, &at);
             let noise = self.points.noise[i] + self.parameters.nugget;
             let residual = Residual {
                 residual: self.centred[i] - given.means[0],

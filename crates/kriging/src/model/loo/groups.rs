@@ -1,6 +1,6 @@
 //! Leave-one-out residuals of points that are left out together, because they are nearly the same.
 
-use crate::linalg::{Lower, dot};
+use crate::linalg::{LowerTriangle, dot};
 use crate::model::Model;
 use crate::model::loo::Residual;
 
@@ -58,7 +58,7 @@ impl Model {
 /// do not determine the trend.
 fn group_residuals(
     group: &[usize],
-    half: &Lower,
+    half: &LowerTriangle,
     trend: &[Vec<f64>],
     whitened: &[f64],
     n: usize,
