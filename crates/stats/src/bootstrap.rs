@@ -202,7 +202,7 @@ mod tests {
         }
     }
 
-    /// The bootstrap variance of a mean is Σ(x − m)²/n², whatever n.
+    /// The bootstrap variance of a mean is Σ(x − m)²/n² for every n.
     #[test]
     fn the_mean_has_its_known_variance() {
         for n in [50, 300, 3000] {

@@ -77,5 +77,7 @@ pub use quantile::{
     harrell_davis_min_samples, harrell_davis_p90,
 };
 pub use rank::spearman;
-pub use sensitivity::{Index, SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityPlan};
+pub use sensitivity::{
+    SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityIndex, SensitivityPlan,
+};
 pub use sequential::{SequentialRule, samples_needed};

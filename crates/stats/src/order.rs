@@ -3,7 +3,7 @@
 //! With X₍₁₎ ≤ … ≤ X₍ₙ₎ the sorted samples and p the level, such as 0.9:
 //!
 //! - The percentile is definition 8 of Hyndman and Fan: X at the rank (n + 1/3) p + 1/3, interpolated
-//!   linearly. Its median is nearly the true percentile, whatever the distribution.
+//!   linearly. Its median is nearly the true percentile for every distribution.
 //! - A limit of the interval lies between two order statistics. The number of samples below the true
 //!   percentile is binomial (n, p), so X₍ᵣ₎ exceeds it with the probability P(B ≤ r − 1), exactly. Between
 //!   X₍ᵣ₎ and X₍ᵣ₊₁₎ the limit is interpolated as by Nyblom, so that each tail has half of the probability that

@@ -4,7 +4,7 @@
 //! from the samples of all designs together, and each design needs only its mean m and standard deviation s:
 //! the percentile is m + q s. [`Shape::pool`] takes q from the residuals (x − m)/s of all designs. For k samples a
 //! design these are less spread than the standardised response, by a factor that depends on the distribution.
-//! That for normal samples is known (Thompson's distribution), and q is scaled by it, so that the estimate has
+//! The factor for normal samples is known (Thompson's distribution), and q is scaled by it, so that the estimate has
 //! no bias for normal samples.
 //!
 //! The variance of m + q s follows from skewness and kurtosis of the residuals, by the usual first-order
@@ -61,7 +61,7 @@ impl Shape {
     ///
     /// # Errors
     ///
-    /// Those of [`mean_sd`].
+    /// The errors of [`mean_sd`].
     pub fn percentile(&self, samples: &[f64]) -> Result<Percentile, Error> {
         let (mean, sd) = mean_sd(samples)?;
         let (n, q) = (samples.len(), self.quantile);

@@ -32,7 +32,7 @@ pub enum Method {
     HarrellDavis,
 }
 
-/// A percentile and the variance of its estimate, whatever the distribution.
+/// A percentile and the variance of its estimate, by either estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantile {
     /// The estimator of the percentile.

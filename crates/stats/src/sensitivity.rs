@@ -33,9 +33,9 @@ pub struct SensitivityPlan {
     scramble: u32,
 }
 
-/// An index with its bootstrap interval. An estimate of a small index may be negative.
+/// A first-order or total index with its bootstrap interval. An estimate of a small index may be negative.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Index {
+pub struct SensitivityIndex {
     /// The estimate.
     pub value: f64,
     /// Lower end of the 95 % interval.
@@ -48,9 +48,9 @@ pub struct Index {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensitivity {
     /// First-order indices S_i in the order of the inputs.
-    pub first: Vec<Index>,
+    pub first: Vec<SensitivityIndex>,
     /// Total indices T_i.
-    pub total: Vec<Index>,
+    pub total: Vec<SensitivityIndex>,
     /// Mean of the output.
     pub mean: f64,
     /// Variance of the output.
@@ -195,7 +195,7 @@ impl SensitivityPlan {
                 let place = p * (values.len() as f64 - 1.0);
                 values.get(place.round() as usize).copied()
             };
-            Index {
+            SensitivityIndex {
                 value: of(&estimate),
                 low: quantile(0.025).unwrap_or(f64::NAN),
                 high: quantile(0.975).unwrap_or(f64::NAN),

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use results::row;
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
-use stats::{Index, OrderStatistic, Sensitivity, SensitivityPlan};
+use stats::{OrderStatistic, Sensitivity, SensitivityIndex, SensitivityPlan};
 
 use crate::finished::Optimum;
 use crate::samples::in_pieces;
@@ -348,7 +348,7 @@ pub fn write_tables(
     for one in indices {
         let found = &one.sensitivity;
         let mut shown = PageTable::new(["input", "first-order index", "total index"]);
-        let index = |i: &Index| format!("{:.3} [{:.3}; {:.3}]", i.value, i.low, i.high);
+        let index = |i: &SensitivityIndex| format!("{:.3} [{:.3}; {:.3}]", i.value, i.low, i.high);
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
             shown
                 .rows
