@@ -2,7 +2,7 @@
 
 use crate::{Bounds, Error};
 
-/// The settings of a [`CmaEs`](crate::CmaEs). Start from [`Options::new`] and change what you need.
+/// The settings of a [`CmaEs`](crate::CmaEs). Start from [`Options::new`] and change single fields.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// Number of candidates in a generation, λ.

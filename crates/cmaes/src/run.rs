@@ -189,7 +189,7 @@ impl Run {
         }
         self.waiting = 0;
         self.generation += 1;
-        for (x, evaluation) in self.search.waiting().zip(evaluations) {
+        for (x, evaluation) in self.search.candidates().zip(evaluations) {
             let evaluation: Evaluation = (*evaluation).into();
             self.evaluations += 1;
             let better = |(_, best): &(_, Evaluation)| evaluation.is_better_than(best);

@@ -199,7 +199,7 @@ impl CmaEs {
     }
 
     /// The candidates of the last [`ask`](Self::ask), in the caller's units.
-    pub(crate) fn waiting(&self) -> impl Iterator<Item = &[f64]> {
+    pub(crate) fn candidates(&self) -> impl Iterator<Item = &[f64]> {
         self.candidates
             .iter()
             .map(|candidate| candidate.x.as_slice())

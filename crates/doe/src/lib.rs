@@ -15,7 +15,7 @@
 //! # Ok::<(), doe::Error>(())
 //! ```
 //!
-//! - [`maximin`] searches for such a design by swaps of levels; see there for the method.
+//! - [`maximin`] searches for such a design by swaps of levels; its documentation has the method.
 //! - [`enlarge`] adds points to a design and keeps the existing ones. It can be repeated;
 //!   [`check_enlarge`] says beforehand whether it is possible.
 //! - [`sobol`] gives a scrambled Sobol sequence, and [`Method`] each kind of design by its name.

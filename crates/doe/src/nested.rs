@@ -2,7 +2,7 @@
 //!
 //! The points of a Latin hypercube of n lie 1/n apart in every variable, so each of N > n strata
 //! holds at most one of them. The other N − n strata are free, and the new points take their
-//! centres. A design that has grown before is no longer such a grid, and some of its points may
+//! centres. A design that has grown before is no longer a grid of cell centres, and some of its points may
 //! share a stratum; more strata are then free than there are new points, and each new point still
 //! gets one of its own.
 //!

@@ -90,13 +90,13 @@ impl Search {
             self.spent += cost(self.table.near(i, None, smallest, &mut self.near_first), d);
             smallest -= self.near_first.left.iter().copied().max().unwrap_or(0);
         }
-        self.keep_as(smallest);
+        self.keep_if_best(smallest);
         smallest
     }
 
     /// Keeps the current design, which must have no energy, if it is the best.
     pub(crate) fn keep(&mut self) {
-        self.keep_as(self.squared_radius);
+        self.keep_if_best(self.squared_radius);
     }
 
     /// Returns to the best design. The energies are out of date until the radius is set.
@@ -245,7 +245,7 @@ impl Search {
     }
 
     /// Keeps the current design if its smallest squared distance exceeds that of the best.
-    fn keep_as(&mut self, squared: i64) {
+    fn keep_if_best(&mut self, squared: i64) {
         if squared > self.best_squared {
             self.best_squared = squared;
             self.best.clone_from(&self.table);

@@ -213,7 +213,7 @@ fn add_squares(
     sums
 }
 
-/// The smallest of a block, none of them NaN, by halves: a chain of comparisons would not vectorise.
+/// The smallest value of a block without NaN, by halves: a chain of comparisons would not vectorise.
 #[inline(always)]
 fn smallest(values: &[f32; BLOCK]) -> f32 {
     let mut values = *values;

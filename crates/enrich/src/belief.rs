@@ -1,4 +1,4 @@
-//! A normal belief about the response at one design, and what a further observation may change.
+//! A normal belief about the response at one design, before and after a further observation.
 
 use statrs::distribution::{Continuous as _, ContinuousCDF as _, Normal};
 

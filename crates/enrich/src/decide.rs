@@ -9,7 +9,7 @@ use crate::fill::fill;
 use crate::models::Regions;
 use crate::simulability::SimulabilityModel;
 use crate::state::Rows;
-use crate::stop::{after_search, before_search, failures};
+use crate::stop::{failed_rounds, stop_after_search, stop_before_search};
 use crate::{Decision, Error, ExactCriteria, Note, Options, State};
 
 /// Decides the next round.
@@ -72,7 +72,7 @@ where
     };
     let regions = Regions::fit(&context, &mut batch.notes);
     let recommendation = regions.as_ref().and_then(|r| r.recommendation(&context));
-    let mut stop = before_search(&state.rounds, options);
+    let mut stop = stop_before_search(&state.rounds, options);
     let mut expectation = None;
     if stop.is_none() {
         expectation = match regions {
@@ -87,7 +87,7 @@ where
         let last = state.rounds.last();
         let before = last.and_then(|round| round.expected_improvement);
         let best = recommendation.as_ref();
-        stop = after_search(&context, &batch, best, expectation.as_ref(), before);
+        stop = stop_after_search(&context, &batch, best, expectation.as_ref(), before);
     }
     Ok(Decision {
         round: context.round,
@@ -112,7 +112,7 @@ fn notes_on(rows: &Rows, state: &State) -> Vec<Note> {
         (not_numbers > 0).then_some(Note::NotNumbers {
             entries: not_numbers,
         }),
-        (failures(&state.rounds) > 0).then_some(Note::RoundFailed),
+        (failed_rounds(&state.rounds) > 0).then_some(Note::RoundFailed),
     ];
     notes.into_iter().flatten().collect()
 }

@@ -33,3 +33,20 @@ impl Expectation {
         self.expected_um < delta_um && self.consulted.iter().all(|consulted| *consulted)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_expectation_is_below_delta_only_if_every_region_was_consulted() {
+        let mut expectation = Expectation::new(2);
+        expectation.record(0, 0.01);
+        assert!(!expectation.is_below(0.02));
+        expectation.record(1, 0.005);
+        assert!(expectation.is_below(0.02));
+        assert!(!expectation.is_below(0.01));
+        expectation.record(0, 0.03);
+        assert!(!expectation.is_below(0.02));
+    }
+}

@@ -16,7 +16,7 @@ pub enum Stop {
         /// The half-width of the recommendation's 95 % interval.
         half_width: f64,
     },
-    /// The samples left pay for no observation, or for none of those that are expected to gain δ.
+    /// The samples left do not pay for any observation, or not for one that is expected to gain δ.
     Budget {
         /// Number of samples left.
         samples: u32,

@@ -87,7 +87,7 @@ impl Regions {
         self.basins.get(region).unwrap_or(&self.whole)
     }
 
-    /// Updates every model as if `samples` samples at `x` had given what it predicts.
+    /// Updates every model as if `samples` samples at `x` had given its own prediction.
     pub(crate) fn believe(&mut self, x: &[f64], samples: u32) {
         for region in self.basins.iter_mut().chain([&mut self.whole]) {
             // A point too near to another one cannot be added, and the model needs none there.

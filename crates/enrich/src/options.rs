@@ -48,7 +48,7 @@ impl fmt::Display for Criterion {
     }
 }
 
-/// The settings of the enrichment. Start from [`Options::new`] and change what you need.
+/// The settings of the enrichment. Start from [`Options::new`] and change single fields.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
     /// The box of the designs, in the caller's units.

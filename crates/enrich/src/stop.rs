@@ -9,15 +9,15 @@ use crate::{Options, Recommendation, RoundRecord, Stop};
 const IN_A_ROW: usize = 2;
 
 /// Number of rounds in a row, counted back from the last one, with nothing but failures.
-pub(crate) fn failures(rounds: &[RoundRecord]) -> usize {
+pub(crate) fn failed_rounds(rounds: &[RoundRecord]) -> usize {
     let failed = |r: &&RoundRecord| r.asked > 0 && r.failed >= r.asked;
     rounds.iter().rev().take_while(failed).count()
 }
 
 /// The reason to stop before any observation is looked for.
-pub(crate) fn before_search(rounds: &[RoundRecord], options: &Options) -> Option<Stop> {
+pub(crate) fn stop_before_search(rounds: &[RoundRecord], options: &Options) -> Option<Stop> {
     let samples = options.samples_left;
-    if failures(rounds) >= IN_A_ROW {
+    if failed_rounds(rounds) >= IN_A_ROW {
         Some(Stop::OnlyFailures)
     } else if samples < options.samples_new.min(options.samples_more) {
         Some(Stop::Budget { samples })
@@ -31,7 +31,7 @@ pub(crate) fn before_search(rounds: &[RoundRecord], options: &Options) -> Option
 
 /// The reason to stop once the observations are chosen. `expectation` is `None` without a model,
 /// `before` is the previous round's expected improvement.
-pub(crate) fn after_search(
+pub(crate) fn stop_after_search(
     context: &Context<'_>,
     batch: &Batch,
     recommendation: Option<&Recommendation>,
@@ -67,22 +67,5 @@ pub(crate) fn after_search(
     } else {
         // The next round looks a second time, with other random numbers.
         None
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_outlook_is_below_delta_only_if_every_region_was_consulted() {
-        let mut expectation = Expectation::new(2);
-        expectation.record(0, 0.01);
-        assert!(!expectation.is_below(0.02));
-        expectation.record(1, 0.005);
-        assert!(expectation.is_below(0.02));
-        assert!(!expectation.is_below(0.01));
-        expectation.record(0, 0.03);
-        assert!(!expectation.is_below(0.02));
     }
 }

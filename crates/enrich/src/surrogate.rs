@@ -195,7 +195,7 @@ impl Surrogate {
 
     /// The changes of the means at `points` if the observation at `x` from `samples` samples comes out
     /// one standard deviation √(s² + τ²) above its prediction: cov(point, x)/√(s² + τ²).
-    pub(crate) fn changes(
+    pub(crate) fn mean_changes(
         &self,
         x: &[f64],
         samples: u32,
@@ -287,7 +287,7 @@ mod tests {
         let (variance, noise) = (surrogate.belief(&x, 0.0).sd.powi(2), surrogate.noise(5));
         let total = variance + noise;
         let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
-        let change = surrogate.changes(&x, 5, &[&x]).unwrap()[0];
+        let change = surrogate.mean_changes(&x, 5, &[&x]).unwrap()[0];
         close(change, variance / total.sqrt());
         let after = surrogate.kriging_believer(&x, 5).unwrap().belief(&x, 0.0);
         close(after.sd.powi(2), variance * noise / total);

@@ -50,7 +50,7 @@ impl<'a> KnowledgeGradient<'a> {
             .chain(new.map(|_| x))
             .collect();
         // A model that cannot take the observation gains nothing from it.
-        let Ok(changes) = self.model.changes(x, samples, &points) else {
+        let Ok(changes) = self.model.mean_changes(x, samples, &points) else {
             return 0.0;
         };
         let means = self.compared.iter().map(|c| c.1).chain(new);

@@ -7,9 +7,9 @@ use crate::{Error, Options};
 
 /// [`Criterion::ReinterpolatedExpectedImprovement`](crate::Criterion::ReinterpolatedExpectedImprovement).
 ///
-/// The criterion vanishes at the designs. So the value of more samples comes from what they change:
-/// the mean that is interpolated there. It will be normal around the current mean, and its expected
-/// fall below the lowest mean of the incumbents is the expected improvement again.
+/// The criterion vanishes at the designs. The value of more samples therefore follows from the mean that
+/// is interpolated there, which the samples change. The new mean is normal around the current one, and
+/// its expected fall below the lowest mean of the incumbents is the expected improvement again.
 pub(super) struct ReinterpolatedImprovement<'a> {
     model: &'a Surrogate,
     options: &'a Options,
