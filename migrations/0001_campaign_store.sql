@@ -115,12 +115,15 @@ CREATE TABLE evaluation (
 CREATE TABLE optimum (
     -- The point that the optimum is verified at: its number is its approach's.
     stream          INTEGER NOT NULL PRIMARY KEY,
-    -- An object of every variable's value by name.
-    x_json          TEXT    NOT NULL,
+    -- Why the approach found no design; x, criterion and criteria are NULL then.
+    reason          TEXT,
+    -- The values of all variables.
+    x               BLOB    CHECK (length(x) > 0 AND length(x) % 8 = 0),
     -- What the approach minimised.
-    criterion       REAL    NOT NULL,
+    criterion       REAL,
+    -- What constraints are set on.
+    criteria        BLOB    CHECK (length(criteria) % 8 = 0),
     feasible        INTEGER NOT NULL CHECK (feasible IN (0, 1)),
-    criteria_json   TEXT    NOT NULL,
     simulator_calls INTEGER NOT NULL CHECK (simulator_calls >= 0),
     cpu_seconds     REAL    NOT NULL,
     note            TEXT    NOT NULL,

@@ -212,7 +212,7 @@ fn simulate_warns_of_a_doubtful_unit_and_writes_a_page_into_an_empty_folder_only
     let output = sandbox.coordinator(&page);
     assert_code(&output, 4);
     assert!(
-        errors(&output).contains("the folder is not empty"),
+        errors(&output).contains("it is not empty"),
         "{}",
         errors(&output)
     );

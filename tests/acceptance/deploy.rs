@@ -6,7 +6,7 @@ mod slurm;
 mod ssh;
 
 use acceptance::{Sandbox, assert_code, free_address, printed, root, skipped};
-use runner::protocol::exit;
+use runner::exit;
 
 /// Exit codes after which a restart cannot help.
 const FINAL_FOR_COORDINATOR: [u8; 8] = [

@@ -290,7 +290,7 @@ pub(crate) struct Export {
     #[arg(long, value_name = "FILE")]
     pub(crate) db: PathBuf,
     #[command(flatten)]
-    pub(crate) what: Exported,
+    pub(crate) what: ExportTarget,
     /// The form of the table; the model is always JSON
     #[arg(long, value_enum, default_value_t, conflicts_with = "pair")]
     pub(crate) format: Format,
@@ -311,7 +311,7 @@ pub(crate) struct Export {
 /// The object to export.
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
-pub(crate) struct Exported {
+pub(crate) struct ExportTarget {
     /// The table to export
     #[arg(long, value_enum)]
     pub(crate) table: Option<Table>,

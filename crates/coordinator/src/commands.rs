@@ -6,18 +6,18 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use campaign::Campaign;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
-use campaign::{Campaign, FileError};
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;
 use results::{comparing, export, pair_file, reporting, status};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::server::{self, Outcome, Plan};
-use runner::coordinator::serving::{self, Port};
+use runner::coordinator::serving::Port;
+use runner::exit::{self, HasExitCode, ProgramError};
 use runner::gateway::access;
-use runner::protocol::exit;
 use stages::designs;
 use store::Store;
 use tokio_util::sync::CancellationToken;
@@ -30,6 +30,7 @@ mod checking;
 mod cluster;
 mod modelling;
 mod output;
+mod output_folder;
 mod sharding;
 mod simulating;
 mod stability;
@@ -39,14 +40,21 @@ mod tradeoff;
 mod viewing;
 
 use self::output::{FileAccess, create_new, print, print_either, print_text};
+use self::output_folder::OutputFolder;
 
 /// A command line that can be parsed but makes no sense.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Usage(String);
 
+impl HasExitCode for Usage {
+    fn exit_code(&self) -> u8 {
+        exit::USAGE
+    }
+}
+
 /// Executes the command and returns the exit code.
-pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
+pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
     match command {
         Command::Run(arguments) => run(arguments).await,
         Command::Serve(arguments) => serve(arguments).await,
@@ -63,9 +71,7 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
         Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Tradeoff(arguments) => tradeoff::tradeoff(arguments).await,
         Command::SimulateCluster(arguments) => cluster::simulate_cluster(&arguments),
-        Command::SleepProgram(arguments) => {
-            tradeoff::sleep_program(arguments.seconds).map(|()| exit::OK)
-        }
+        Command::SleepProgram(arguments) => tradeoff::sleep_program(arguments.seconds),
         Command::Report(arguments) => write_report(arguments).await,
         Command::Export(arguments) => export(arguments).await,
         Command::Compare(arguments) => compare(arguments).await,
@@ -78,73 +84,6 @@ pub(crate) async fn execute(command: Command) -> anyhow::Result<u8> {
     }
 }
 
-/// The exit code for an error.
-pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
-    for cause in error.chain() {
-        if cause.is::<FileError>() {
-            return exit::BAD_FILE;
-        }
-        if cause.is::<FileAccess>() {
-            return exit::FILE_ACCESS;
-        }
-        if let Some(error) = cause.downcast_ref::<runner::worker::Error>() {
-            return error.exit_code();
-        }
-        if let Some(error) = cause.downcast_ref::<runner::gateway::Error>() {
-            return error.exit_code();
-        }
-        if let Some(error) = cause.downcast_ref::<runner::shards::Error>() {
-            return error.exit_code();
-        }
-        match cause.downcast_ref::<sharding::Misfit>() {
-            Some(sharding::Misfit::Foreign { .. }) => return exit::OTHER_CAMPAIGN,
-            Some(sharding::Misfit::Doubled { .. }) => return exit::USAGE,
-            None => {}
-        }
-        match cause.downcast_ref::<results::modelling::Error>() {
-            Some(results::modelling::Error::Settings(_)) => return exit::USAGE,
-            Some(results::modelling::Error::Kriging(_)) => return exit::FAILURE,
-            Some(_) => return exit::BAD_FILE,
-            None => {}
-        }
-        if cause.is::<results::modelling::InputError>() {
-            return exit::BAD_FILE;
-        }
-        if cause.is::<Usage>() {
-            return exit::USAGE;
-        }
-        if let Some(store) = cause.downcast_ref::<store::Error>() {
-            return store_exit_code(store);
-        }
-        match cause.downcast_ref::<serving::Error>() {
-            Some(serving::Error::Store(store)) => return store_exit_code(store),
-            Some(serving::Error::Listen { .. }) => return exit::CANNOT_LISTEN,
-            Some(serving::Error::Access(error)) => return error.exit_code(),
-            Some(serving::Error::Other(error)) => return exit_code(error),
-            None => {}
-        }
-    }
-    exit::FAILURE
-}
-
-const fn store_exit_code(error: &store::Error) -> u8 {
-    use store::Error as E;
-    match error {
-        E::NoStore { .. } => exit::NO_STORE,
-        E::OtherCampaign { .. } | E::ModelDigestConflict { .. } => exit::OTHER_CAMPAIGN,
-        E::NotADatabase { .. } | E::NotAStore { .. } => exit::NOT_A_STORE,
-        E::Damaged { .. }
-        | E::DamagedRows { .. }
-        | E::Lost { .. }
-        | E::Linked { .. }
-        | E::MissingCommits { .. }
-        | E::OtherSchema { .. } => exit::UNUSABLE_STORE,
-        E::Locked { .. } => exit::STORE_LOCKED,
-        E::Io { .. } | E::DiskFull { .. } | E::UnreadLog { .. } => exit::FILE_ACCESS,
-        _ => exit::FAILURE,
-    }
-}
-
 fn read(path: &Path) -> Result<String, FileAccess> {
     read_by(path, |path| fs::read_to_string(path))
 }
@@ -154,15 +93,11 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, FileAccess> {
 }
 
 fn read_by<T>(path: &Path, by: impl FnOnce(&Path) -> std::io::Result<T>) -> Result<T, FileAccess> {
-    by(path).map_err(|source| FileAccess {
-        doing: "read",
-        path: path.to_owned(),
-        source,
-    })
+    by(path).map_err(|source| FileAccess::new("read", path, source))
 }
 
 /// Reads a campaign file, or takes the paper's.
-fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<CampaignFile> {
+fn campaign_or_paper(file: Option<&Path>) -> Result<CampaignFile, ProgramError> {
     let (name, text) = match file {
         Some(path) => (path.display().to_string(), read(path)?),
         None => (
@@ -173,7 +108,7 @@ fn campaign_or_paper(file: Option<&Path>) -> anyhow::Result<CampaignFile> {
     Ok(CampaignFile::parse(&name, &text)?)
 }
 
-async fn run(arguments: arguments::Run) -> anyhow::Result<u8> {
+async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
     let CampaignFile { campaign, text, .. } = campaign_or_paper(arguments.campaign.as_deref())?;
     viewing::refuse_open(arguments.http)?;
     let db = arguments
@@ -232,7 +167,7 @@ fn local_workers(
     })
 }
 
-async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
+async fn serve(arguments: arguments::Serve) -> Result<u8, ProgramError> {
     let CampaignFile { campaign, text, .. } = campaign_or_paper(Some(&arguments.campaign))?;
     viewing::refuse_open(arguments.http)?;
     let port = port(arguments.port, &campaign.name)?;
@@ -254,7 +189,7 @@ async fn serve(arguments: arguments::Serve) -> anyhow::Result<u8> {
 }
 
 /// The port of the campaign `name`.
-fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port> {
+fn port(arguments: arguments::PortArguments, name: &str) -> Result<Port, runner::gateway::Error> {
     Ok(Port {
         listen: arguments.listen,
         access: match arguments.access {
@@ -267,7 +202,7 @@ fn port(arguments: arguments::PortArguments, name: &str) -> anyhow::Result<Port>
 
 /// Refuses a store on a network file system unless allowed: locks and syncs of its file may be
 /// unreliable there.
-fn refuse_network_store(db: &Path, allowed: bool) -> anyhow::Result<()> {
+fn refuse_network_store(db: &Path, allowed: bool) -> Result<(), Usage> {
     let folder = match db.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
@@ -281,11 +216,10 @@ fn refuse_network_store(db: &Path, allowed: bool) -> anyhow::Result<()> {
     };
     match store::network_file_system(&folder, &mounts) {
         Some(kind) if !allowed => Err(Usage(format!(
-            "{} lies on a network file system ({kind}), whose locks and syncs may not keep their \
-             word: put the store on a local disk, or accept the risk with --allow-network-store",
+            "{} lies on a network file system ({kind}), whose locks and syncs may be unreliable: \
+             put the store on a local disk, or accept the risk with --allow-network-store",
             db.display()
-        ))
-        .into()),
+        ))),
         _ => Ok(()),
     }
 }
@@ -294,31 +228,29 @@ fn out_folder(out: Option<PathBuf>, campaign: &Campaign) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-report", campaign.name)))
 }
 
-/// Refuses a folder that holds the report of another campaign.
-async fn refuse_report_of_another(
+/// Refuses a folder with the report of another campaign than this one and the one in the store.
+async fn require_own_report(
     out: &Path,
     campaign: &Campaign,
     db: &Path,
-) -> anyhow::Result<()> {
-    // Reports of version 0.1 have the digest of the whole campaign file.
-    let mut own = vec![campaign.lineage(), campaign.digest()];
+) -> Result<(), ProgramError> {
+    let mut lineages = vec![campaign.lineage()];
     // The report beside a store of another campaign is accepted here: opening that store is refused
     // with the better message.
     if let Ok(store) = Store::open_read_only(db).await {
         let row = store.campaign().await?;
-        let held = Campaign::parse("the store's campaign file", &row.file_text);
-        own.extend(held.map(|held| held.lineage()));
-        own.push(row.digest);
+        let stored = Campaign::parse("the store's campaign file", &row.file_text);
+        lineages.extend(stored.map(|stored| stored.lineage()));
         store.close().await?;
     }
-    Ok(output::refuse_report_of_another(out, &own)?)
+    Ok(OutputFolder(out).require_own_report(&lineages)?)
 }
 
-async fn conduct(plan: Plan) -> anyhow::Result<u8> {
+async fn conduct(plan: Plan) -> Result<u8, ProgramError> {
     let shutdown = CancellationToken::new();
     tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
-    refuse_report_of_another(&plan.out, &plan.campaign, &db).await?;
+    require_own_report(&plan.out, &plan.campaign, &db).await?;
     let problem = Problem::new(plan.campaign.clone());
     let progress = Progress::new();
     let observer: server::Observer = Box::new(move |status| progress.show(status));
@@ -366,18 +298,22 @@ fn code_of_finished(status: &Status) -> u8 {
     }
 }
 
-async fn write_report(arguments: arguments::Report) -> anyhow::Result<u8> {
+async fn write_report(arguments: arguments::Report) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
-    output::refuse_report_of_another(&arguments.out, &[campaign.lineage(), row.digest])?;
-    let report =
-        reporting::write(&store, &arguments.out, &runner::coordinator::made::made()).await?;
+    OutputFolder(&arguments.out).require_own_report(&[campaign.lineage()])?;
+    let report = reporting::write(
+        &store,
+        &arguments.out,
+        &runner::coordinator::provenance::labels(),
+    )
+    .await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)
 }
 
-async fn export(arguments: arguments::Export) -> anyhow::Result<u8> {
+async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
     let what = &arguments.what;
     if let (Some(table), Some(out)) = (what.table, &arguments.out) {
@@ -397,23 +333,19 @@ async fn export(arguments: arguments::Export) -> anyhow::Result<u8> {
     Ok(exit::OK)
 }
 
-async fn compare(arguments: arguments::Compare) -> anyhow::Result<u8> {
+async fn compare(arguments: arguments::Compare) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
     let compared = comparing::compare(&store).await?;
     print_either(arguments.json, &compared.summary(), || compared.page())?;
     Ok(exit::OK)
 }
 
-fn init(arguments: &arguments::Init) -> anyhow::Result<u8> {
+fn init(arguments: &arguments::Init) -> Result<u8, ProgramError> {
     let mut file = create_new(&arguments.file)?;
     let stem = arguments.file.file_stem().and_then(OsStr::to_str);
     let text = Campaign::pair_named(stem.unwrap_or_default());
     file.write_all(text.as_bytes())
-        .map_err(|source| FileAccess {
-            doing: "write",
-            path: arguments.file.clone(),
-            source,
-        })?;
+        .map_err(|source| FileAccess::new("write", &arguments.file, source))?;
     print(&format!(
         "{} holds the profile shifts of a helical gear pair cut with standard hobs: edit it, then check it\n",
         arguments.file.display()

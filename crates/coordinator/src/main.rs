@@ -12,7 +12,7 @@ mod progress;
 use std::process::ExitCode;
 
 use clap::Parser as _;
-use runner::protocol::exit;
+use runner::exit;
 
 fn main() -> ExitCode {
     let arguments = arguments::Arguments::parse();
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
         Ok(code) => ExitCode::from(code),
         Err(error) => {
             runner::console::complain(&format!("{error:#}"));
-            ExitCode::from(commands::exit_code(&error))
+            ExitCode::from(error.code())
         }
     }
 }

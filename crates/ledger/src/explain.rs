@@ -182,8 +182,8 @@ impl fmt::Display for Explanation {
             ),
             Self::Draining { leased } => write!(
                 f,
-                "draining: {} still out will finish, and nothing more is given out; `coordinator \
-                 drain --resume` goes on",
+                "draining: workers finish {} and get no more; `coordinator drain --resume` leases \
+                 again",
                 leases(*leased)
             ),
             Self::NoWorkers { known: 0, open, .. } => write!(
@@ -210,16 +210,16 @@ impl fmt::Display for Explanation {
                 free,
             } => write!(
                 f,
-                "{} could be computed, but {suspended} of {present} workers are suspended, having \
-                 failed several in a row; the first goes on in {}: look at the failures and mend \
+                "{} could be computed, but {suspended} of {present} workers are suspended after \
+                 several failures in a row, the first for another {}: look at the failures and mend \
                  their cause, then run `coordinator retry`, or start other workers",
                 streams(*free),
                 seconds(*next_in)
             ),
             Self::Outage { since, left } if left.is_zero() => write!(
                 f,
-                "nothing has succeeded since a failure {} ago: what fails three times is quarantined \
-                 now",
+                "nothing has succeeded since a failure {} ago: a job that fails three times is now \
+                 quarantined",
                 seconds(*since)
             ),
             Self::Outage { since, left } => write!(
@@ -242,19 +242,15 @@ impl fmt::Display for Explanation {
             } => {
                 let named: Vec<&str> = workers.iter().take(NAMED).map(WorkerId::as_str).collect();
                 let more = workers.len() - named.len();
-                write!(
-                    f,
-                    "nothing waits for a worker; {} still out with ",
-                    leases(*leased)
-                )?;
+                write!(f, "no work is left to lease; {} held by ", leases(*leased))?;
                 f.write_str(&named.join(", "))?;
                 if more > 0 {
                     write!(f, " and {more} more")?;
                 }
                 write!(
                     f,
-                    ", the oldest for {}: wait, or stop a worker that hangs, and others get what it \
-                     holds",
+                    ", the oldest for {}: wait, or stop a worker that hangs, and others get its \
+                     leases",
                     seconds(*oldest_for)
                 )
             }
@@ -284,8 +280,8 @@ impl fmt::Display for Explanation {
                 free,
             } => write!(
                 f,
-                "all is well: {} out with {workers} workers, {} more to go; more workers would \
-                 finish them sooner",
+                "running: {workers} workers hold {}, and {} wait; more workers would finish them \
+                 sooner",
                 leases(*leased),
                 streams(*free)
             ),

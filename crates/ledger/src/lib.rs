@@ -62,6 +62,6 @@ pub use ledger::Ledger;
 pub use options::{HEARTBEATS_PER_LEASE, Options};
 pub use ranges::{gaps, subtract};
 pub use types::{
-    Counts, Crash, Delivery, Failed, Failure, Generation, Grant, Group, History, Kind, LeaseId,
-    StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
+    Counts, Crash, Delivery, Failure, FailureReport, Generation, Grant, Group, History, Kind,
+    LeaseId, StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
 };

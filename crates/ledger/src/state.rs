@@ -30,14 +30,14 @@ pub(crate) struct Stream<P> {
     /// See [`StreamDemand::is_tolerant`](crate::StreamDemand::is_tolerant).
     pub(crate) is_tolerant: bool,
     /// The missing samples that have failed, and under `None` the failures of the whole stream.
-    pub(crate) failing: BTreeMap<Option<u32>, Failing>,
+    pub(crate) failing: BTreeMap<Option<u32>, FailedAttempts>,
     /// The reason for the quarantine.
     pub(crate) quarantined: Option<Quarantine>,
 }
 
 /// The failed attempts of a sample, or of a stream as a whole.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Failing {
+pub(crate) struct FailedAttempts {
     /// Number of failed attempts.
     pub(crate) attempts: u32,
     /// Number of those that count against the sample.

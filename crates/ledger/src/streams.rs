@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use crate::ledger::Ledger;
 use crate::ranges::subtract;
-use crate::state::{Failing, Quarantine, Stream};
-use crate::types::{Failed, Failure, Generation, LeaseId, StreamId, Unit, WorkerId};
+use crate::state::{FailedAttempts, Quarantine, Stream};
+use crate::types::{Failure, FailureReport, Generation, LeaseId, StreamId, Unit, WorkerId};
 
 /// Factor by which each wait after a failure is longer than the one before.
 const RETRY_GROWTH: u32 = 4;
@@ -125,7 +125,7 @@ impl<P: Clone> Ledger<P> {
     pub(crate) fn fail(
         &mut self,
         worker: &WorkerId,
-        failed: &Failed,
+        failed: &FailureReport,
         now: Duration,
     ) -> (Failure, Option<Duration>) {
         let ignored = (Failure::Ignored, None);
@@ -156,10 +156,10 @@ impl<P: Clone> Ledger<P> {
         }
         let before = stream.history.failures.min(options.max_failures - 1);
         let failing = stream.failing.entry(failed.sample);
-        let failing = failing.or_insert_with(|| Failing {
+        let failing = failing.or_insert_with(|| FailedAttempts {
             attempts: before,
             counted: before,
-            ..Failing::default()
+            ..FailedAttempts::default()
         });
         if failing.waits_until.is_some() {
             // The lease was granted before the failure that the sample waits for, and most likely

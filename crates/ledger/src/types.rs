@@ -241,7 +241,7 @@ pub struct Delivery {
     /// Streams that need no samples, such as designs that are not simulable.
     pub refused: Vec<(StreamId, Generation)>,
     /// The failures.
-    pub failed: Vec<Failed>,
+    pub failed: Vec<FailureReport>,
     /// Whether the worker brought any sample or refusal, even one that is not stored because it is stale.
     pub has_answers: bool,
     /// The time that the worker took, in seconds.
@@ -250,7 +250,7 @@ pub struct Delivery {
 
 /// A failure that a worker reports.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Failed {
+pub struct FailureReport {
     /// The stream.
     pub stream: StreamId,
     /// The sample or evaluation that failed. `None` for a failure of the stream as a whole, such as

@@ -2,10 +2,11 @@
 //!
 //! - [`protocol`] is the wire, [`gateway`] the port, its access file and the connection to it.
 //! - [`coordinator`] leases jobs and does the stages; [`worker`] computes them; [`shards`] carries them in files.
-//! - [`identity`] says which build this is, and [`console`] is what both programs do on a terminal.
+//! - [`identity`] names the build; [`exit`] has the exit codes; [`console`] has the log, signals and help.
 
 pub mod console;
 pub mod coordinator;
+pub mod exit;
 pub mod gateway;
 pub mod identity;
 pub mod protocol;

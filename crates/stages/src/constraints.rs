@@ -36,7 +36,7 @@ pub(crate) fn is_asked(problem: &Problem, point: &InfillRow) -> bool {
 
 /// The request to a worker for a point's constraints before its samples: one evaluation, numbered
 /// as the sample after the last one, so that its time is stored apart from theirs.
-pub(crate) fn asked(inputs: &Inputs, point: &VerifyPoint) -> StreamDemand<Arc<Source>> {
+pub(crate) fn request(inputs: &Inputs, point: &VerifyPoint) -> StreamDemand<Arc<Source>> {
     let candidate = Candidate {
         evaluation: point.wanted,
         design: point.design.clone(),
@@ -223,7 +223,7 @@ mod tests {
         };
         assert!(!point.is_complete());
         let inputs = Inputs::new(problem.campaign(), None);
-        let wanted = asked(&inputs, &point);
+        let wanted = request(&inputs, &point);
         assert_eq!(wanted.missing.len(), 1);
         assert_eq!(wanted.missing[0], 30..31);
         let Source::Candidates(candidates) = &*wanted.source else {

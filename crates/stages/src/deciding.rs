@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{
     CriteriaRow, DesignRow, EvaluationRow, InfillRow, ModelRow, NewRound, ResponseRow, RoundRow,
-    Store, Unsampled,
+    Store, UnsampledPoint,
 };
 
 use crate::constraints;
@@ -85,7 +85,7 @@ impl Rows {
     }
 
     /// The points that have no samples although their round is over.
-    fn unsampled(&self, problem: &Problem) -> Vec<Unsampled> {
+    fn unsampled(&self, problem: &Problem) -> Vec<UnsampledPoint> {
         let unsampled = |row: &&InfillRow| !row.failed && !self.samples.contains_key(&row.infill);
         let points = self.infill.iter().filter(unsampled);
         let violation = |row: &InfillRow| {
@@ -93,7 +93,7 @@ impl Rows {
             constraints::violation_of(problem, evaluation)
         };
         points
-            .map(|row| Unsampled {
+            .map(|row| UnsampledPoint {
                 infill: row.infill,
                 violation: violation(row).unwrap_or(0.0),
             })
@@ -101,7 +101,7 @@ impl Rows {
     }
 
     /// Marks the points that have no samples although their round is over.
-    fn settle(&mut self, unsampled: &[Unsampled]) {
+    fn settle(&mut self, unsampled: &[UnsampledPoint]) {
         for one in unsampled {
             let row = &mut self.infill[one.infill as usize];
             (row.failed, row.violation) = (true, one.violation);

@@ -1,6 +1,6 @@
 //! Derived results stand as long as what they were computed from is unchanged.
 //!
-//! The store keeps with each result the digest of its inputs ([`store::Derivation`]). A `Standing` computes
+//! The store keeps with each result the digest of its inputs ([`store::Derivation`]). A `Dependencies` computes
 //! the digests of the present inputs from a state, and says which stored results are outdated. These are
 //! removed, so what is missing and what has to be computed again are one question, which
 //! [`next`](crate::plan::next) answers.
@@ -22,7 +22,7 @@ use campaign::task::{Inputs, Run, Source};
 use ledger::{Generation, Kind, StreamId};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
-use store::{Derivation, Derived, OptimiserRunRow, ResponseRow};
+use store::{Derivation, DerivedResult, OptimiserRunRow, ResponseRow};
 
 use crate::state::State;
 use crate::{names, plan};
@@ -32,14 +32,14 @@ use crate::{names, plan};
 pub fn of_responses(inputs: String, rows: &[ResponseRow]) -> Derivation {
     Derivation {
         output: Some(Digest::new("responses").with(&format!("{rows:?}")).hex()),
-        ..Derivation::new(&Derived::Responses, inputs)
+        ..Derivation::new(&DerivedResult::Responses, inputs)
     }
 }
 
 /// The derivation of a run with this result.
 #[must_use]
 pub fn of_run(inputs: String, row: &OptimiserRunRow) -> Derivation {
-    let result = Derived::Run(row.stream);
+    let result = DerivedResult::Run(row.stream);
     Derivation {
         output: Some(Digest::new("run").with(&row.result_json).hex()),
         ..Derivation::new(&result, inputs)
@@ -60,10 +60,10 @@ pub fn generation_inputs(generation: Generation) -> String {
 
 /// Whether workers computed a result in this stream.
 #[must_use]
-pub fn is_of_stream(result: &Derived, stream: StreamId) -> bool {
+pub fn is_of_stream(result: &DerivedResult, stream: StreamId) -> bool {
     match result {
-        Derived::Samples => stream.kind == Kind::Design,
-        Derived::Run(of) | Derived::Verification(of) => *of == stream,
+        DerivedResult::Samples => stream.kind == Kind::Design,
+        DerivedResult::Run(of) | DerivedResult::Verification(of) => *of == stream,
         _ => false,
     }
 }
@@ -105,7 +105,7 @@ impl Digest {
 }
 
 /// The present inputs of all derived results.
-pub(crate) struct Standing<'a> {
+pub(crate) struct Dependencies<'a> {
     problem: &'a Problem,
     inputs: &'a Inputs,
     state: &'a State,
@@ -113,7 +113,7 @@ pub(crate) struct Standing<'a> {
     pub(crate) base: Option<Design>,
 }
 
-impl<'a> Standing<'a> {
+impl<'a> Dependencies<'a> {
     pub(crate) fn new(problem: &'a Problem, inputs: &'a Inputs, state: &'a State) -> Self {
         Self {
             problem,
@@ -123,12 +123,12 @@ impl<'a> Standing<'a> {
         }
     }
 
-    fn derivation(&self, of: &Derived) -> Option<&'a Derivation> {
+    fn derivation(&self, of: &DerivedResult) -> Option<&'a Derivation> {
         self.state.derivations.get(&of.name())
     }
 
     /// Whether the stored result, if there is one, was computed from other inputs.
-    fn differs(&self, of: &Derived, inputs: &str) -> bool {
+    fn differs(&self, of: &DerivedResult, inputs: &str) -> bool {
         self.derivation(of).is_none_or(|held| held.inputs != inputs)
     }
 
@@ -140,7 +140,7 @@ impl<'a> Standing<'a> {
 
     /// Whether the stored responses are those of the stored samples.
     pub(crate) fn has_responses(&self) -> bool {
-        !self.differs(&Derived::Responses, &self.responses_inputs())
+        !self.differs(&DerivedResult::Responses, &self.responses_inputs())
     }
 
     /// Whether results that rest on the samples of the DoE are to be compared with their inputs: while samples
@@ -156,7 +156,7 @@ impl<'a> Standing<'a> {
     /// The current model, or the fit that has failed.
     pub(crate) fn model(&self) -> Option<&'a Derivation> {
         let inputs = self.model_inputs()?;
-        let held = self.derivation(&Derived::Model)?;
+        let held = self.derivation(&DerivedResult::Model)?;
         let is_held = held.failure.is_some() || self.state.model.is_some();
         (is_held && (!self.is_known() || held.inputs == inputs)).then_some(held)
     }
@@ -205,9 +205,9 @@ impl<'a> Standing<'a> {
     }
 
     /// The stored results that no longer follow from what the store holds, to be removed in this order.
-    pub(crate) fn outdated(&self) -> Vec<Derived> {
+    pub(crate) fn outdated(&self) -> Vec<DerivedResult> {
         let mut outdated = Vec::new();
-        let samples = Derived::Samples;
+        let samples = DerivedResult::Samples;
         if self.derivation(&samples).is_some()
             && let Some(inputs) = self.samples_inputs()
             && self.differs(&samples, &inputs)
@@ -215,12 +215,13 @@ impl<'a> Standing<'a> {
             outdated.push(samples);
         }
         let is_known = self.is_known();
-        let has_model = self.state.model.is_some() || self.derivation(&Derived::Model).is_some();
+        let has_model =
+            self.state.model.is_some() || self.derivation(&DerivedResult::Model).is_some();
         if is_known && has_model && self.model().is_none() {
-            outdated.push(Derived::Model);
+            outdated.push(DerivedResult::Model);
         }
         for &(approach, start) in &self.state.runs {
-            let result = Derived::Run(names::run(approach, start));
+            let result = DerivedResult::Run(names::run(approach, start));
             let is_outdated = match self.run(approach, start) {
                 Some(run) => self.differs(&result, &run_inputs(self.inputs, &run)),
                 None => approach == Approach::Kriging && is_known,
@@ -230,23 +231,23 @@ impl<'a> Standing<'a> {
             }
         }
         for &approach in self.state.optima.keys() {
-            let result = Derived::Optimum(names::verification(approach));
+            let result = DerivedResult::Optimum(names::verification(approach));
             if !self.is_settled(approach) || self.differs(&result, &self.optimum_inputs(approach)) {
                 outdated.push(result);
             } else if self.state.stale.contains(&approach) {
-                outdated.push(Derived::Verification(names::verification(approach)));
+                outdated.push(DerivedResult::Verification(names::verification(approach)));
             }
         }
         if is_known {
             let rounds = (0..).zip(self.rounds_inputs());
             let rounds = rounds.take(self.state.enrichment.rounds.len());
             let stands = |(round, inputs): &(u64, String)| {
-                self.derivation(&Derived::Responses).is_some()
-                    && !self.differs(&Derived::Round(*round), inputs)
+                self.derivation(&DerivedResult::Responses).is_some()
+                    && !self.differs(&DerivedResult::Round(*round), inputs)
             };
             let gone = rounds
                 .skip_while(stands)
-                .map(|(round, _)| Derived::Round(round));
+                .map(|(round, _)| DerivedResult::Round(round));
             outdated.extend(gone.collect::<Vec<_>>().into_iter().rev());
         }
         outdated
@@ -282,13 +283,15 @@ impl<'a> Standing<'a> {
 
     /// The digest of the stored responses.
     fn responses(&self) -> Option<&'a str> {
-        self.derivation(&Derived::Responses)?.output.as_deref()
+        self.derivation(&DerivedResult::Responses)?
+            .output
+            .as_deref()
     }
 
     pub(crate) fn optimum_inputs(&self, approach: Approach) -> String {
         let mut digest = Digest::new("optimum").with(approach.name());
         for start in 0..self.problem.campaign().optimise.starts {
-            let run = self.derivation(&Derived::Run(names::run(approach, start)));
+            let run = self.derivation(&DerivedResult::Run(names::run(approach, start)));
             digest = digest.with(run.and_then(|run| run.output.as_deref()).unwrap_or(""));
         }
         if matches!(

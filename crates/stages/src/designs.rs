@@ -51,7 +51,7 @@ pub fn check_growth(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result
     checked.with_context(|| {
         format!(
             "doe.designs is {n}, but the {} designs that the store holds cannot grow to that by \
-             the method {method}; the store is as it was",
+             the method {method}; the store is unchanged",
             existing.len()
         )
     })

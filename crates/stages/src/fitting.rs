@@ -46,7 +46,7 @@ pub struct ModelSummary {
 
 /// A leave-one-out prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LeftOut {
+pub struct LeaveOneOutPrediction {
     /// [`Observation::number`].
     pub number: u64,
     /// The observation.
@@ -59,10 +59,10 @@ pub struct LeftOut {
 
 impl ModelSummary {
     /// The leave-one-out predictions.
-    pub fn leave_one_out(&self) -> impl Iterator<Item = LeftOut> {
+    pub fn leave_one_out(&self) -> impl Iterator<Item = LeaveOneOutPrediction> {
         let scaled = self.observed.iter().zip(&self.standardised);
         self.residuals.iter().zip(scaled).map(
-            |(&(number, residual), (&observed, &standardised))| LeftOut {
+            |(&(number, residual), (&observed, &standardised))| LeaveOneOutPrediction {
                 number,
                 observed,
                 predicted: observed - residual,

@@ -1,11 +1,10 @@
 //! The optima that the approaches ended with, as the store keeps them.
 
 use anyhow::Context as _;
-use campaign::formulation::{Design, Problem, Quantity};
+use campaign::formulation::{Design, Problem};
 use campaign::optimise::Solution;
 use campaign::{Approach, Criteria};
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
 use store::{OptimumRow, Store};
 
 use crate::cost::Cost;
@@ -27,53 +26,46 @@ pub struct Optimum {
 
 impl Optimum {
     /// The row of the store.
-    ///
-    /// # Errors
-    ///
-    /// The criteria cannot be written.
-    pub fn row(&self, problem: &Problem) -> serde_json::Result<OptimumRow> {
-        let found = self.found.as_ref();
-        Ok(OptimumRow {
+    #[must_use]
+    pub fn row(&self) -> OptimumRow {
+        let found = self.found.as_ref().ok();
+        OptimumRow {
             stream: names::verification(self.approach),
-            x_json: design_to_json(
-                problem,
-                found.map(|found| &found.design).map_err(|none| *none),
-            ),
-            // The paper gives designs that cannot be simulated the value 100; here there is no design.
-            criterion: found.map_or(0.0, |found| found.criterion),
-            feasible: found.is_ok_and(|found| found.feasible),
-            criteria_json: serde_json::to_string(&found.ok().map(|found| &found.criteria))?,
+            reason: self.found.as_ref().err().map(ToString::to_string),
+            x: found.map(|found| found.design.values().to_vec()),
+            criterion: found.map(|found| found.criterion),
+            criteria: found.map(|found| found.criteria.values().to_vec()),
+            feasible: found.is_some_and(|found| found.feasible),
             simulator_calls: self.cost.simulator_calls,
             cpu_seconds: self.cost.cpu_seconds,
             note: self.note.clone(),
-        })
+        }
     }
 
-    /// Reads what [`row`](Self::row) wrote.
-    ///
-    /// # Errors
-    ///
-    /// The row is not of this problem, or not what this version writes.
+    /// Reads a row that [`row`](Self::row) made for an optimum of this problem.
     pub fn read(problem: &Problem, row: OptimumRow) -> anyhow::Result<Self> {
         let of = || format!("the stored optimum of {}", row.stream);
-        let approach = Approach::numbered(row.stream.index).with_context(of)?;
-        let criteria: Option<Criteria> =
-            serde_json::from_str(&row.criteria_json).with_context(of)?;
-        Ok(Self {
-            approach,
-            found: match (
-                design_from_json(problem, &row.x_json).with_context(of)?,
-                criteria,
-            ) {
-                (Ok(design), Some(criteria)) => Ok(Solution {
-                    design,
-                    criterion: row.criterion,
-                    criteria,
+        let found = match (row.x, row.criterion, row.criteria) {
+            (Some(x), Some(criterion), Some(criteria)) => {
+                let lengths = [x.len(), criteria.len()];
+                let expected = [problem.variables().len(), problem.criteria().len()];
+                anyhow::ensure!(
+                    lengths == expected,
+                    "{} has {lengths:?} variables and criteria instead of {expected:?}",
+                    of()
+                );
+                Ok(Solution {
+                    design: Design::new(x),
+                    criterion,
+                    criteria: Criteria::new(criteria),
                     feasible: row.feasible,
-                }),
-                (Ok(_), None) => anyhow::bail!("{} has no criteria", of()),
-                (Err(none), _) => Err(none),
-            },
+                })
+            }
+            _ => Err(NoOptimum::named(row.reason.as_deref()).with_context(of)?),
+        };
+        Ok(Self {
+            approach: Approach::numbered(row.stream.index).with_context(of)?,
+            found,
             cost: Cost {
                 simulator_calls: row.simulator_calls,
                 cpu_seconds: row.cpu_seconds,
@@ -126,31 +118,20 @@ impl std::fmt::Display for NoOptimum {
     }
 }
 
-/// All variables by name, as the store keeps them, or why there is no design.
-fn design_to_json(problem: &Problem, design: Result<&Design, NoOptimum>) -> String {
-    let design = match design {
-        Ok(design) => design,
-        Err(none) => return json!({ "none": none }).to_string(),
-    };
-    let values = problem.variables().iter().zip(design.values());
-    let object: Map<String, Value> = values
-        .map(|(variable, value)| (variable.name.to_string(), Value::from(*value)))
-        .collect();
-    Value::Object(object).to_string()
-}
-
-/// Reads what [`design_to_json`] wrote.
-fn design_from_json(problem: &Problem, json: &str) -> anyhow::Result<Result<Design, NoOptimum>> {
-    let mut object: Map<String, Value> = serde_json::from_str(json)?;
-    if let Some(none) = object.remove("none") {
-        return Ok(Err(serde_json::from_value(none)?));
+impl NoOptimum {
+    /// The variant that [`Display`](std::fmt::Display) writes as `reason`.
+    fn named(reason: Option<&str>) -> anyhow::Result<Self> {
+        let all = [
+            Self::NoModel,
+            Self::NoneFeasible,
+            Self::NoneSimulable,
+            Self::NothingComputed,
+        ];
+        let found = all
+            .into_iter()
+            .find(|none| Some(none.to_string().as_str()) == reason);
+        found.with_context(|| format!("{reason:?} is not a reason for which there is no optimum"))
     }
-    let value = |variable: &Quantity| {
-        let value = object.get(&*variable.name).and_then(Value::as_f64);
-        value.with_context(|| format!("it has no value of {}", variable.name))
-    };
-    let values: anyhow::Result<Vec<f64>> = problem.variables().iter().map(value).collect();
-    Ok(Ok(Design::new(values?)))
 }
 
 /// The values of the variables that the DoE does not move, once they are known, from the chosen

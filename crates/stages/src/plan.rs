@@ -17,9 +17,9 @@ use campaign::Campaign;
 use campaign::formulation::{Approach, Design, Problem};
 use campaign::task::{Inputs, Run};
 use ledger::{Kind, StreamId};
-use store::{Derivation, Derived};
+use store::{Derivation, DerivedResult};
 
-use crate::derived::Standing;
+use crate::derived::Dependencies;
 use crate::infill;
 use crate::stage::Stage;
 use crate::state::{State, VerifyPoint};
@@ -44,7 +44,7 @@ pub enum LocalStep {
 pub struct Next {
     /// Stored results that no longer follow from what the store holds. They are removed before anything
     /// else; nothing else is planned beside them.
-    pub outdated: Vec<Derived>,
+    pub outdated: Vec<DerivedResult>,
     /// What the samples of the DoE depend on, to be stored before there are any.
     pub samples: Option<Derivation>,
     /// Runs of optimisers whose inputs exist and whose results are missing.
@@ -121,8 +121,8 @@ pub fn base(problem: &Problem, state: &State) -> Option<Design> {
 /// Decides what comes next.
 #[must_use]
 pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
-    let standing = Standing::new(problem, inputs, state);
-    let outdated = standing.outdated();
+    let dependencies = Dependencies::new(problem, inputs, state);
+    let outdated = dependencies.outdated();
     if !outdated.is_empty() {
         return Next {
             outdated,
@@ -131,8 +131,8 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     }
     let campaign = problem.campaign();
     let wanted = optimised(problem).flat_map(|approach| {
-        let standing = &standing;
-        (0..campaign.optimise.starts).filter_map(move |start| standing.run(approach, start))
+        let dependencies = &dependencies;
+        (0..campaign.optimise.starts).filter_map(move |start| dependencies.run(approach, start))
     });
     let wanted: Vec<Run> = wanted.collect();
     let mut streams: BTreeSet<StreamId> = wanted.iter().map(Run::stream).collect();
@@ -145,22 +145,24 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     // Also those whose last samples came while the state was read: the next pass sees them settled.
     points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| !state.quarantined.contains(&StreamId::point(point.number)));
-    let (local, inputs) = local_step(problem, state, &standing).unzip();
-    let sampling = standing.base.clone().filter(|_| state.lacks_samples());
-    let is_noted = state.derivations.contains_key(&Derived::Samples.name());
-    let samples = sampling.as_ref().and(standing.samples_inputs());
+    let (local, inputs) = local_step(problem, state, &dependencies).unzip();
+    let sampling = dependencies.base.clone().filter(|_| state.lacks_samples());
+    let is_noted = state
+        .derivations
+        .contains_key(&DerivedResult::Samples.name());
+    let samples = sampling.as_ref().and(dependencies.samples_inputs());
     Next {
         outdated,
         samples: samples
             .filter(|_| !is_noted)
-            .map(|inputs| Derivation::new(&Derived::Samples, inputs)),
+            .map(|inputs| Derivation::new(&DerivedResult::Samples, inputs)),
         runs,
         sampling,
         points,
         local,
         inputs: inputs.unwrap_or_default(),
         streams,
-        has_base: standing.base.is_some(),
+        has_base: dependencies.base.is_some(),
         is_unverified,
     }
 }
@@ -214,30 +216,31 @@ pub fn verify_points(campaign: &Campaign, state: &State) -> Vec<VerifyPoint> {
 fn local_step(
     problem: &Problem,
     state: &State,
-    standing: &Standing<'_>,
+    dependencies: &Dependencies<'_>,
 ) -> Option<(LocalStep, String)> {
     let campaign = problem.campaign();
     if state.designs < campaign.doe.designs as usize {
         return Some((LocalStep::Doe, String::new()));
     }
     let to_choose = |approach: &Approach| {
-        !state.optima.contains_key(approach) && standing.is_settled(*approach)
+        !state.optima.contains_key(approach) && dependencies.is_settled(*approach)
     };
     if let Some(approach) = problem.approaches().find(to_choose) {
-        let inputs = standing.optimum_inputs(approach);
+        let inputs = dependencies.optimum_inputs(approach);
         return Some((LocalStep::Choose(approach), inputs));
     }
-    if !standing.is_sampled() {
+    if !dependencies.is_sampled() {
         return None;
     }
-    if !standing.has_responses() {
-        return Some((LocalStep::Statistics, standing.responses_inputs()));
+    if !dependencies.has_responses() {
+        return Some((LocalStep::Statistics, dependencies.responses_inputs()));
     }
-    if standing.model().is_none() {
-        return Some((LocalStep::Fit, standing.model_inputs()?));
+    if dependencies.model().is_none() {
+        return Some((LocalStep::Fit, dependencies.model_inputs()?));
     }
     let goes_on = campaign.enrichment.is_some() && !state.enrichment.is_stopped;
-    (goes_on && state.has_settled_infill()).then(|| (LocalStep::Enrich, standing.round_inputs()))
+    (goes_on && state.has_settled_infill())
+        .then(|| (LocalStep::Enrich, dependencies.round_inputs()))
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ pub struct Samples<'a> {
 
 /// Whether a design has enough samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sampled {
+pub enum Sufficiency {
     /// The design has enough samples; its response is computed from so many of them.
     Enough(usize),
     /// The design needs more samples.
@@ -41,11 +41,11 @@ pub enum Sampled {
 /// # Errors
 ///
 /// A sample that is not a number.
-pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::Error> {
+pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, stats::Error> {
     let held = samples.len();
     let mut count = (sampling.samples_per_design as usize).min(held);
     let Some(rule) = sampling.rule() else {
-        return Ok(Sampled::Enough(count));
+        return Ok(Sufficiency::Enough(count));
     };
     loop {
         let row = response(0, Samples::plain(&samples[..count]), sampling)?;
@@ -63,10 +63,10 @@ pub fn sampled(samples: &[f64], sampling: &Sampling) -> Result<Sampled, stats::E
         };
         let more = stats::samples_needed(count, sd, &rule)?;
         if more == 0 {
-            return Ok(Sampled::Enough(count));
+            return Ok(Sufficiency::Enough(count));
         }
         if count + more > held {
-            return Ok(Sampled::Wants {
+            return Ok(Sufficiency::Wants {
                 samples: count + more,
                 at_least: count,
             });
@@ -218,8 +218,8 @@ mod tests {
 
     #[test]
     fn without_a_precision_every_design_gets_the_same() {
-        let found = sampled(&samples(25, 9.0), &sampling(None));
-        assert_eq!(found, Ok(Sampled::Enough(10)));
+        let found = sufficiency(&samples(25, 9.0), &sampling(None));
+        assert_eq!(found, Ok(Sufficiency::Enough(10)));
     }
 
     #[test]
@@ -227,29 +227,29 @@ mod tests {
         let precise = sampling(Some(0.1));
         // A standard deviation of 0.1 takes about 1.8 · (0.1/0.1)² samples, one of 0.35 takes 25.
         assert_eq!(
-            sampled(&samples(10, 0.1), &precise),
-            Ok(Sampled::Enough(10))
+            sufficiency(&samples(10, 0.1), &precise),
+            Ok(Sufficiency::Enough(10))
         );
         // Never more than twice as many at a time, since the deviation is an estimate.
-        let wants = |samples, at_least| Ok(Sampled::Wants { samples, at_least });
-        assert_eq!(sampled(&samples(10, 0.35), &precise), wants(20, 10));
-        assert_eq!(sampled(&samples(20, 0.35), &precise), wants(30, 20));
+        let wants = |samples, at_least| Ok(Sufficiency::Wants { samples, at_least });
+        assert_eq!(sufficiency(&samples(10, 0.35), &precise), wants(20, 10));
+        assert_eq!(sufficiency(&samples(20, 0.35), &precise), wants(30, 20));
         let enough = 30;
         assert_eq!(
-            sampled(&samples(enough, 0.35), &precise),
-            Ok(Sampled::Enough(enough))
+            sufficiency(&samples(enough, 0.35), &precise),
+            Ok(Sufficiency::Enough(enough))
         );
         let row = response(0, Samples::plain(&samples(enough, 0.35)), &sampling(None)).unwrap();
         assert!(row.percentile_variance.sqrt() <= 0.1, "{row:?}");
         // Samples that came early change nothing.
         assert_eq!(
-            sampled(&samples(60, 0.35), &precise),
-            Ok(Sampled::Enough(enough))
+            sufficiency(&samples(60, 0.35), &precise),
+            Ok(Sufficiency::Enough(enough))
         );
         // A noisy design ends at the largest number of samples allowed.
         assert_eq!(
-            sampled(&samples(60, 40.0), &precise),
-            Ok(Sampled::Enough(60))
+            sufficiency(&samples(60, 40.0), &precise),
+            Ok(Sufficiency::Enough(60))
         );
     }
 

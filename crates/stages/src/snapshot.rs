@@ -10,7 +10,7 @@ use store::{InfillRow, ModelRow, SampleTally, Store};
 
 use crate::constraints;
 use crate::fitting::ModelSummary;
-use crate::responses::{self, Sampled};
+use crate::responses::{self, Sufficiency};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 use crate::verification::Sizes;
 use crate::{names, optima, plan};
@@ -191,9 +191,9 @@ pub async fn response_counts(
             settings.samples_per_design as usize
         } else {
             let held = store.values_of(names::design(row.design)).await?;
-            match responses::sampled(&held, settings)? {
-                Sampled::Enough(count) => count,
-                Sampled::Wants { at_least, .. } => at_least,
+            match responses::sufficiency(&held, settings)? {
+                Sufficiency::Enough(count) => count,
+                Sufficiency::Wants { at_least, .. } => at_least,
             }
         };
         counts.insert(row.design, count as u64);
@@ -219,7 +219,7 @@ pub async fn wants_more(store: &Store, settings: &Sampling) -> anyhow::Result<BT
             .zip(0..)
             .take_while(|((sample, _), i)| sample == i);
         let held: Vec<f64> = held.map(|((_, value), _)| *value).collect();
-        if let Sampled::Wants { samples, .. } = responses::sampled(&held, settings)? {
+        if let Sufficiency::Wants { samples, .. } = responses::sufficiency(&held, settings)? {
             more.insert(row.design, samples as u64);
         }
     }

@@ -56,7 +56,7 @@ pub struct State {
     pub samples: String,
     /// The digest of all criteria of the DoE.
     pub criteria: String,
-    /// What the stored results were computed from, by [`store::Derived::name`].
+    /// What the stored results were computed from, by [`store::DerivedResult::name`].
     pub derivations: BTreeMap<String, Derivation>,
     /// The kriging model as JSON, once fitted.
     pub model: Option<Arc<str>>,

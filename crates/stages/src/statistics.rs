@@ -9,11 +9,11 @@ use stats::streams::Purpose;
 use store::{ResponseRow, SampleBlock};
 
 use crate::linear::LinearResponse;
-use crate::responses::{self, Sampled, Samples};
+use crate::responses::{self, Samples, Sufficiency};
 
 /// The result of a [`Collector`].
 #[derive(Debug, Clone, PartialEq)]
-pub enum Computed {
+pub enum Outcome {
     /// The responses of all designs that have samples enough.
     Responses(Vec<ResponseRow>),
     /// No responses yet: the number of samples that each of these designs needs for the precision.
@@ -78,12 +78,12 @@ impl<'a> Collector<'a> {
     /// # Errors
     ///
     /// The samples of the last design make no response.
-    pub fn finish(mut self) -> anyhow::Result<Computed> {
+    pub fn finish(mut self) -> anyhow::Result<Outcome> {
         self.close()?;
         Ok(if self.wanting.is_empty() {
-            Computed::Responses(self.rows)
+            Outcome::Responses(self.rows)
         } else {
-            Computed::Wants(self.wanting)
+            Outcome::Wants(self.wanting)
         })
     }
 
@@ -93,15 +93,16 @@ impl<'a> Collector<'a> {
             && self.samples.len() >= settings.samples_per_design as usize
         {
             let context = || format!("the samples of design {design}");
-            let count = match responses::sampled(&self.samples, settings).with_context(context)? {
-                Sampled::Enough(count) => count,
-                Sampled::Wants { samples, at_least } => {
-                    if !self.is_quarantined(design) {
-                        self.wanting.insert(design, samples as u64);
+            let count =
+                match responses::sufficiency(&self.samples, settings).with_context(context)? {
+                    Sufficiency::Enough(count) => count,
+                    Sufficiency::Wants { samples, at_least } => {
+                        if !self.is_quarantined(design) {
+                            self.wanting.insert(design, samples as u64);
+                        }
+                        at_least
                     }
-                    at_least
-                }
-            };
+                };
             let control = self.linear.get(&design).map(|linear| {
                 let stream = (Purpose::Wear, design);
                 let values = responses::controls(self.problem, stream, linear, count);
@@ -159,7 +160,7 @@ mod tests {
         }]
     }
 
-    fn computed(problem: &Problem, blocks: &[SampleBlock], quarantined: &[u32]) -> Computed {
+    fn computed(problem: &Problem, blocks: &[SampleBlock], quarantined: &[u32]) -> Outcome {
         let linear = BTreeMap::new();
         let quarantined = quarantined.iter().copied().map(StreamId::design).collect();
         let mut collector = Collector::new(problem, &linear, &quarantined);
@@ -176,7 +177,7 @@ mod tests {
         held.extend(blocks(3, 8..12, 0.2));
         held.extend(blocks(4, 0..6, 0.2));
         held.extend(blocks(4, 6..10, 0.2));
-        let Computed::Responses(responses) = computed(&problem(None), &held, &[]) else {
+        let Outcome::Responses(responses) = computed(&problem(None), &held, &[]) else {
             panic!("nothing more is wanted without a precision");
         };
         let designs: Vec<u64> = responses.iter().map(|row| row.design).collect();
@@ -196,8 +197,8 @@ mod tests {
         held.extend(blocks(1, 0..10, 0.35));
         let precise = problem(Some(0.1));
         let wants = computed(&precise, &held, &[]);
-        assert_eq!(wants, Computed::Wants(BTreeMap::from([(1, 20)])));
-        let Computed::Responses(responses) = computed(&precise, &held, &[1]) else {
+        assert_eq!(wants, Outcome::Wants(BTreeMap::from([(1, 20)])));
+        let Outcome::Responses(responses) = computed(&precise, &held, &[1]) else {
             panic!("what is quarantined is not waited for");
         };
         assert_eq!(responses.len(), 2);

@@ -22,12 +22,12 @@ pub struct Requests {
 /// The requests of `next`; `open` are the designs that lack samples. The runs of an external
 /// simulator are not among them: those are [asked for by generations](crate::searching).
 #[must_use]
-pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Requests {
-    let mut asked = Requests::default();
+pub fn requests(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign]) -> Requests {
+    let mut requests = Requests::default();
     let whole_runs = (!problem.campaign().is_external()).then_some(&next.runs);
     for run in whole_runs.into_iter().flatten() {
         let wanted = inputs.wanted(run.stream(), Source::Run(run.clone()), 1);
-        asked.add(wanted);
+        requests.add(wanted);
     }
     if let Some(base) = &next.sampling {
         for design in open {
@@ -36,13 +36,13 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
             let stream = StreamId::design(design.design);
             let mut wanted = inputs.wanted(stream, source, design.samples);
             wanted.missing.clone_from(&design.missing);
-            asked.streams.push(wanted);
+            requests.streams.push(wanted);
         }
     }
     for point in &next.points {
         let stream = StreamId::point(point.number);
         let wanted = if point.asks_criteria {
-            constraints::asked(inputs, point)
+            constraints::request(inputs, point)
         } else {
             let source = Source::Point(point.design.clone());
             let missing = ledger::gaps(&point.stored, point.wanted);
@@ -51,9 +51,9 @@ pub fn asked(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDesign
                 ..inputs.wanted(stream, source, point.wanted)
             }
         };
-        asked.add(wanted);
+        requests.add(wanted);
     }
-    asked
+    requests
 }
 
 impl Requests {

@@ -3,7 +3,7 @@
 use crate::Error;
 use crate::batch::Receipt;
 use crate::connection::Connection;
-use crate::derived::{self, Derived};
+use crate::derived::{self, DerivedResult};
 use crate::row::{self, Columns, Row};
 
 /// The campaign that a store belongs to: its only row.
@@ -125,6 +125,6 @@ pub(crate) async fn extend(
         digest: row.digest.clone(),
         ..stored
     };
-    derived::remove(connection, &[Derived::Responses]).await?;
+    derived::remove(connection, &[DerivedResult::Responses]).await?;
     write(connection, &row).await
 }

@@ -5,7 +5,7 @@ use ledger::StreamId;
 use crate::batch::{self, Batch, Receipt};
 use crate::campaign::{self, CampaignRow};
 use crate::connection::Connection;
-use crate::derived::{self, Derivation, Derived};
+use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
 use crate::models::{self, ModelRow};
 use crate::optima::{self, OptimumRow};
@@ -30,7 +30,7 @@ pub(crate) enum Change {
     Derivation(Derivation),
     ModelDigest(String),
     Extension(CampaignRow),
-    Removal(Vec<Derived>),
+    Removal(Vec<DerivedResult>),
     Generations(Vec<(StreamId, u64)>),
     /// Removes the evaluations of a run.
     NoEvaluations(StreamId),

@@ -82,7 +82,7 @@ fn opening(path: &Path, source: SqlxError) -> Error {
     Error::sqlite(path, source)
 }
 
-type Mapped<'q, F> = Map<'q, Sqlite, F, SqliteArguments>;
+type MappedQuery<'q, F> = Map<'q, Sqlite, F, SqliteArguments>;
 
 impl Connection<'static> {
     pub(crate) async fn open(
@@ -215,7 +215,7 @@ impl Connection<'_> {
         row::check(row, seal, &self.path)
     }
 
-    pub(crate) async fn all<F, O>(&mut self, query: Mapped<'_, F>) -> Result<Vec<O>, Error>
+    pub(crate) async fn all<F, O>(&mut self, query: MappedQuery<'_, F>) -> Result<Vec<O>, Error>
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
         O: Send + Unpin,
@@ -224,7 +224,7 @@ impl Connection<'_> {
         rows.map_err(|e| self.failed(e))
     }
 
-    pub(crate) async fn one<F, O>(&mut self, query: Mapped<'_, F>) -> Result<O, Error>
+    pub(crate) async fn one<F, O>(&mut self, query: MappedQuery<'_, F>) -> Result<O, Error>
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
         O: Send + Unpin,
@@ -233,7 +233,10 @@ impl Connection<'_> {
         row.map_err(|e| self.failed(e))
     }
 
-    pub(crate) async fn optional<F, O>(&mut self, query: Mapped<'_, F>) -> Result<Option<O>, Error>
+    pub(crate) async fn optional<F, O>(
+        &mut self,
+        query: MappedQuery<'_, F>,
+    ) -> Result<Option<O>, Error>
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send,
         O: Send + Unpin,
@@ -245,7 +248,7 @@ impl Connection<'_> {
     /// Streams rows, for tables that are too large to hold in memory.
     pub(crate) fn stream<'s, F, O>(
         &'s mut self,
-        query: Mapped<'s, F>,
+        query: MappedQuery<'s, F>,
     ) -> impl Stream<Item = Result<O, Error>> + Send + Unpin + 's
     where
         F: FnMut(SqliteRow) -> Result<O, SqlxError> + Send + 's,

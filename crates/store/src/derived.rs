@@ -12,7 +12,7 @@ use crate::{criteria, evaluations, generations, models, optima, responses, round
 
 /// A result that is computed from others.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Derived {
+pub enum DerivedResult {
     /// Criteria and samples of the whole DoE, which depend on the variables that all designs share.
     Samples,
     /// The responses of all designs.
@@ -29,7 +29,7 @@ pub enum Derived {
     Verification(StreamId),
 }
 
-impl Derived {
+impl DerivedResult {
     /// The result's name in the table of derivations.
     #[must_use]
     pub fn name(&self) -> String {
@@ -48,7 +48,7 @@ impl Derived {
 /// What a derived result was computed from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Derivation {
-    /// [`Derived::name`] of the result.
+    /// [`DerivedResult::name`] of the result.
     pub name: String,
     /// The digest of everything that the result depends on.
     pub inputs: String,
@@ -61,7 +61,7 @@ pub struct Derivation {
 impl Derivation {
     /// The derivation of a result from which no other is computed.
     #[must_use]
-    pub fn new(of: &Derived, inputs: impl Into<String>) -> Self {
+    pub fn new(of: &DerivedResult, inputs: impl Into<String>) -> Self {
         Self {
             name: of.name(),
             inputs: inputs.into(),
@@ -122,7 +122,10 @@ pub(crate) async fn replace(
     connection.execute(query).await.map(drop)
 }
 
-async fn remove_named(connection: &mut Connection<'_>, result: &Derived) -> Result<u64, Error> {
+async fn remove_named(
+    connection: &mut Connection<'_>,
+    result: &DerivedResult,
+) -> Result<u64, Error> {
     let name = result.name();
     let query = sqlx::query!("DELETE FROM derivation WHERE name = ?", name);
     connection.execute(query).await
@@ -132,23 +135,23 @@ async fn remove_named(connection: &mut Connection<'_>, result: &Derived) -> Resu
 /// that come late are refused.
 pub(crate) async fn remove(
     connection: &mut Connection<'_>,
-    results: &[Derived],
+    results: &[DerivedResult],
 ) -> Result<Receipt, Error> {
     for result in results {
         match result {
-            Derived::Samples => {
+            DerivedResult::Samples => {
                 samples::remove(connection, Streams::Designs).await?;
                 criteria::remove(connection).await?;
             }
-            Derived::Responses => responses::remove(connection).await?,
-            Derived::Model => models::remove(connection, ModelRow::DOE).await?,
-            Derived::Run(stream) => {
+            DerivedResult::Responses => responses::remove(connection).await?,
+            DerivedResult::Model => models::remove(connection, ModelRow::DOE).await?,
+            DerivedResult::Run(stream) => {
                 runs::remove(connection, *stream).await?;
                 forget_stream(connection, *stream).await?;
             }
-            Derived::Round(round) => rounds::remove(connection, *round).await?,
-            Derived::Optimum(stream) => optima::remove(connection, *stream).await?,
-            Derived::Verification(stream) => {
+            DerivedResult::Round(round) => rounds::remove(connection, *round).await?,
+            DerivedResult::Optimum(stream) => optima::remove(connection, *stream).await?,
+            DerivedResult::Verification(stream) => {
                 samples::remove(connection, Streams::One(*stream)).await?;
                 forget_stream(connection, *stream).await?;
             }
@@ -168,7 +171,7 @@ pub(crate) async fn remove_failures(
     for (stream, first) in evaluations::first_failures(connection, reason).await? {
         removed += evaluations::remove(connection, stream, first).await?;
         removed += runs::remove(connection, stream).await?;
-        removed += remove_named(connection, &Derived::Run(stream)).await?;
+        removed += remove_named(connection, &DerivedResult::Run(stream)).await?;
     }
     removed += criteria::remove_failed(connection, reason).await?;
     Ok(Receipt::new(removed))

@@ -5,21 +5,23 @@ use ledger::StreamId;
 use crate::Error;
 use crate::connection::Connection;
 use crate::row::{self, Columns, Row};
-use crate::values::{StreamKey, key};
+use crate::values::{Numbers, StreamKey, bytes, key};
 
 /// The best design of one approach.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OptimumRow {
     /// The point at which the optimum is verified; its index is the number of the approach.
     pub stream: StreamId,
-    /// The values of all variables, as a JSON object keyed by name.
-    pub x_json: String,
-    /// What the approach minimised.
-    pub criterion: f64,
+    /// Why the approach found no design. The next three fields are then `None`.
+    pub reason: Option<String>,
+    /// The values of all variables.
+    pub x: Option<Vec<f64>>,
+    /// The value that the approach minimised.
+    pub criterion: Option<f64>,
+    /// The values that constraints are set on.
+    pub criteria: Option<Vec<f64>>,
     /// Whether every constraint holds.
     pub feasible: bool,
-    /// The criteria at the optimum, as JSON.
-    pub criteria_json: String,
     /// Calls of the simulator in all runs of the approach.
     pub simulator_calls: u64,
     /// Processor time of all runs of the approach, in seconds.
@@ -38,10 +40,13 @@ impl Row for OptimumRow {
     fn add_to(&self, columns: &mut Columns) {
         columns
             .stream(self.stream)
-            .text(&self.x_json)
-            .number("criterion", self.criterion)
+            .option(self.reason.as_deref(), Columns::text)
+            .option(self.x.as_deref(), |to, x| to.numbers("x", x))
+            .option(self.criterion, |to, value| to.number("criterion", value))
+            .option(self.criteria.as_deref(), |to, criteria| {
+                to.numbers("criteria", criteria)
+            })
             .bits(self.feasible.into())
-            .text(&self.criteria_json)
             .count("simulator_calls", self.simulator_calls)
             .number("cpu_seconds", self.cpu_seconds)
             .text(&self.note);
@@ -50,7 +55,8 @@ impl Row for OptimumRow {
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<OptimumRow>, Error> {
     let query = sqlx::query!(
-        r#"SELECT stream AS "stream: StreamKey", x_json, criterion, feasible AS "feasible: bool", criteria_json,
+        r#"SELECT stream AS "stream: StreamKey", reason, x AS "x: Numbers", criterion,
+                  criteria AS "criteria: Numbers", feasible AS "feasible: bool",
                   simulator_calls AS "simulator_calls: u64", cpu_seconds, note, seal
            FROM optimum ORDER BY stream"#
     );
@@ -59,10 +65,11 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<OptimumRo
         .map(|row| {
             let optimum = OptimumRow {
                 stream: row.stream.0,
-                x_json: row.x_json,
+                reason: row.reason,
+                x: row.x.map(|numbers| numbers.0),
                 criterion: row.criterion,
+                criteria: row.criteria.map(|numbers| numbers.0),
                 feasible: row.feasible,
-                criteria_json: row.criteria_json,
                 simulator_calls: row.simulator_calls,
                 cpu_seconds: row.cpu_seconds,
                 note: row.note,
@@ -79,16 +86,18 @@ pub(crate) async fn replace(
 ) -> Result<(), Error> {
     let seal = row::seal(row)?;
     let stream = key(row.stream);
+    let [x, criteria] = [&row.x, &row.criteria].map(|list| list.as_deref().map(bytes));
     let calls = row.simulator_calls.cast_signed();
     let query = sqlx::query!(
-        "INSERT OR REPLACE INTO optimum (stream, x_json, criterion, feasible, criteria_json,
+        "INSERT OR REPLACE INTO optimum (stream, reason, x, criterion, criteria, feasible,
              simulator_calls, cpu_seconds, note, seal)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
         stream,
-        row.x_json,
+        row.reason,
+        x,
         row.criterion,
+        criteria,
         row.feasible,
-        row.criteria_json,
         calls,
         row.cpu_seconds,
         row.note,

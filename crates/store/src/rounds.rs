@@ -53,7 +53,7 @@ impl Row for RoundRow {
 
 /// An earlier point that got no samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Unsampled {
+pub struct UnsampledPoint {
     /// [`InfillRow::infill`] of the point.
     pub infill: u64,
     /// Its constraint violation, as far as it is known.
@@ -68,7 +68,7 @@ pub struct NewRound {
     /// The points of the round.
     pub infill: Vec<InfillRow>,
     /// The earlier points that got no samples.
-    pub failed: Vec<Unsampled>,
+    pub failed: Vec<UnsampledPoint>,
     /// With the last round: the model of the DoE and all points.
     pub model: Option<ModelRow>,
 }

@@ -12,7 +12,7 @@ use crate::campaign::{self, CampaignRow};
 use crate::change::Change;
 use crate::connection::{Connection, Readers};
 use crate::criteria::{self, CriteriaRow};
-use crate::derived::{self, Derivation, Derived};
+use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
 use crate::evaluations::{self, EvaluationRow};
 use crate::failures::{self, FailureGroup, FailureRow, StreamHistory};
@@ -247,7 +247,7 @@ impl Store {
         Ok(rows.into_iter().map(named).collect())
     }
 
-    /// Stores what [`Derived::Samples`] depend on, before there are any.
+    /// Stores what [`DerivedResult::Samples`] depend on, before there are any.
     pub async fn put_derivation(&self, derivation: &Derivation) -> Result<(), Error> {
         self.put(Change::Derivation(derivation.clone()))
             .await
@@ -257,7 +257,7 @@ impl Store {
     /// Removes derived results, all or nothing, with what workers computed for them: the evaluations of runs
     /// and the samples of infill points. The samples of an optimum stay, for the case that the same design is
     /// chosen again; those of another design go when their generation changes.
-    pub async fn remove(&self, results: &[Derived]) -> Result<(), Error> {
+    pub async fn remove(&self, results: &[DerivedResult]) -> Result<(), Error> {
         self.put(Change::Removal(results.to_vec())).await.map(drop)
     }
 

@@ -5,10 +5,10 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use runner::exit::{self, ProgramError};
 use runner::gateway::client::ConnectArguments;
 use runner::gateway::port::{self, Listeners};
 use runner::gateway::{Link, Role};
-use runner::protocol::exit;
 use runner::shards::Shard;
 use runner::worker::{Options, SimulatorArguments, Summary, Worker};
 use tokio_util::sync::CancellationToken;
@@ -91,7 +91,7 @@ fn main() -> ExitCode {
             return ExitCode::from(exit::FAILURE);
         }
     };
-    let result: Result<Summary, Failed> = runtime.block_on(async {
+    let result: Result<Summary, ProgramError> = runtime.block_on(async {
         let shutdown = CancellationToken::new();
         tokio::spawn(runner::console::watch_signals(
             shutdown.clone(),
@@ -123,29 +123,8 @@ fn main() -> ExitCode {
             })
         }
         Err(error) => {
-            runner::console::complain(&error.to_string());
-            ExitCode::from(error.exit_code())
-        }
-    }
-}
-
-/// An error that ends the program.
-#[derive(Debug, thiserror::Error)]
-enum Failed {
-    #[error(transparent)]
-    Worker(#[from] runner::worker::Error),
-    #[error(transparent)]
-    Gateway(#[from] runner::gateway::Error),
-    #[error(transparent)]
-    Shard(#[from] runner::shards::Error),
-}
-
-impl Failed {
-    fn exit_code(&self) -> u8 {
-        match self {
-            Self::Worker(error) => error.exit_code(),
-            Self::Gateway(error) => error.exit_code(),
-            Self::Shard(error) => error.exit_code(),
+            runner::console::complain(&format!("{error:#}"));
+            ExitCode::from(error.code())
         }
     }
 }
@@ -156,7 +135,7 @@ async fn compute_shard(
     out: &Path,
     options: Options,
     shutdown: CancellationToken,
-) -> Result<Summary, Failed> {
+) -> Result<Summary, ProgramError> {
     let service = runner::shards::Service::new(Shard::read(shard)?, out.to_owned());
     let (dial, local) = port::local();
     let listeners = Listeners { port: None, local };

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use acceptance::{FIGURE_7, Sandbox, assert_code, printed, root};
 use campaign::Campaign;
 use campaign::file::PairFile;
-use runner::protocol::exit;
+use runner::exit;
 use serde_json::Value;
 
 use super::{merged, pages, read, run};

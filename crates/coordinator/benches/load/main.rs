@@ -318,7 +318,8 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
         lease: server::LEASE,
         http: None,
     };
-    server::run(plan, None, CancellationToken::new()).await?;
+    let ended = server::run(plan, None, CancellationToken::new()).await;
+    ended.map_err(|error| anyhow::anyhow!("{error:#}"))?;
     Ok(())
 }
 

@@ -26,7 +26,7 @@ pub(crate) struct Fit {
     #[arg(long)]
     pub(crate) skip_missing: bool,
     #[command(flatten)]
-    pub(crate) how: How,
+    pub(crate) how: FitSettings,
     /// The model file to write; one that exists is refused
     #[arg(long, value_name = "MODEL.json")]
     pub(crate) out: Option<PathBuf>,
@@ -37,7 +37,7 @@ pub(crate) struct Fit {
 
 /// The settings of a fit, named like the keys of a campaign file's section [kriging].
 #[derive(Debug, Args)]
-pub(crate) struct How {
+pub(crate) struct FitSettings {
     /// matern-5-2, matern-3-2, squared-exponential, exponential, or radial-matern-5-2,
     /// radial-matern-3-2, radial-exponential
     #[arg(long, value_name = "NAME", default_value_t, value_parser = by_name::<Kernel>)]
@@ -98,7 +98,11 @@ pub(crate) struct Predict {
 /// Parses a choice by its name in a campaign file.
 fn by_name<T: for<'a> Deserialize<'a>>(name: &str) -> Result<T, String> {
     let name: StrDeserializer<'_, Error> = name.into_deserializer();
-    T::deserialize(name).map_err(|error| error.to_string().replace("unknown variant", "no choice"))
+    T::deserialize(name).map_err(|error| {
+        error
+            .to_string()
+            .replace("unknown variant", "unknown choice")
+    })
 }
 
 fn level(text: &str) -> Result<f64, String> {
@@ -120,7 +124,7 @@ mod tests {
         assert_eq!(by_name("log"), Ok(Response::Log));
         assert_eq!(by_name("estimated"), Ok(Nugget::Estimated));
         let refusal = by_name::<Trend>("cubic").unwrap_err();
-        for part in ["no choice `cubic`", "`constant`", "`linear`"] {
+        for part in ["unknown choice `cubic`", "`constant`", "`linear`"] {
             assert!(refusal.contains(part), "{refusal}");
         }
         assert!(level("1").is_err() && level("0.95").is_ok());

@@ -10,7 +10,7 @@ use campaign::{Approach, optimise};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
 use results::table::SCHEMA_VERSION;
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use serde::Serialize;
 use stages::references;
 use stages::stage::Stage;
@@ -55,7 +55,7 @@ struct StagePlan {
 }
 
 /// `coordinator check`: validates a campaign file and says what it would do.
-pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
+pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     let file = arguments.campaign.display().to_string();
     let CampaignFile {
         campaign, choice, ..
@@ -72,13 +72,13 @@ pub(super) fn check(arguments: &arguments::Check) -> anyhow::Result<u8> {
     } else {
         Some(measure(&problem)?)
     };
-    let Measured {
+    let TrialTimes {
         sampled,
         design_seconds,
         sample_seconds,
         run_seconds,
         ..
-    } = measured.clone().unwrap_or(Measured {
+    } = measured.clone().unwrap_or(TrialTimes {
         sampled: 1.0,
         reason: String::new(),
         design_seconds: f64::NAN,
@@ -248,7 +248,7 @@ fn describe(plan: &Plan) -> String {
 
 /// Times on one processor of this machine, measured with a few designs of the campaign.
 #[derive(Clone)]
-struct Measured {
+struct TrialTimes {
     /// The share of random designs that get samples: simulable ones that are not ruled out.
     sampled: f64,
     /// The most frequent reason why a design gets no samples; empty if all do.
@@ -264,7 +264,7 @@ struct Measured {
 /// Number of random designs tried.
 const DESIGNS: u32 = 40;
 
-fn measure(problem: &Problem) -> anyhow::Result<Measured> {
+fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
     let mut seconds = [0.0; 2];
     let mut sampled = 0.0_f64;
     let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
@@ -305,7 +305,7 @@ fn measure(problem: &Problem) -> anyhow::Result<Measured> {
     let drawn = sampled.max(1.0) * f64::from(samples[1] - samples[0]);
     let sample_seconds = ((seconds[1] - seconds[0]) / drawn).max(0.0);
     let without_samples = seconds[0] - sampled * f64::from(samples[0]) * sample_seconds;
-    Ok(Measured {
+    Ok(TrialTimes {
         sampled: sampled / f64::from(DESIGNS),
         reason: reasons
             .into_iter()

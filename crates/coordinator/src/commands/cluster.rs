@@ -2,7 +2,7 @@
 
 use lab::rehearsal::{Rehearsal, Scenario, Wave, rehearse};
 use results::report::{TradeoffChart, TradeoffSeries};
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use serde::Serialize;
 use studies::table::write;
 use tracing::info;
@@ -14,7 +14,7 @@ use crate::arguments;
 const MOST_SAMPLES: f64 = 3e8;
 
 #[derive(Serialize)]
-struct Simulated {
+struct ScenarioResult {
     #[serde(flatten)]
     scenario: Scenario,
     #[serde(flatten)]
@@ -23,7 +23,7 @@ struct Simulated {
 }
 
 /// Simulates a cluster for every pair of a number of workers and a time of a sample.
-pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> anyhow::Result<u8> {
+pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> Result<u8, ProgramError> {
     let mut simulated = Vec::new();
     for &sample_seconds in &arguments.sample_seconds {
         for &workers in &arguments.workers {
@@ -51,7 +51,7 @@ pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> anyhow
                 continue;
             }
             let outcome = rehearse(&scenario);
-            simulated.push(Simulated {
+            simulated.push(ScenarioResult {
                 scenario,
                 coordinator_cores: outcome.coordinator_cores(),
                 outcome,
@@ -80,7 +80,7 @@ const COLUMNS: [&str; 9] = [
     "coordinator_cores",
 ];
 
-fn values(one: &Simulated) -> [f64; 9] {
+fn values(one: &ScenarioResult) -> [f64; 9] {
     let seconds = one.outcome.seconds;
     [
         f64::from(one.scenario.workers),
@@ -95,7 +95,7 @@ fn values(one: &Simulated) -> [f64; 9] {
     ]
 }
 
-fn csv(simulated: &[Simulated]) -> anyhow::Result<Vec<u8>> {
+fn csv(simulated: &[ScenarioResult]) -> anyhow::Result<Vec<u8>> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(COLUMNS)?;
     for one in simulated {
@@ -104,7 +104,7 @@ fn csv(simulated: &[Simulated]) -> anyhow::Result<Vec<u8>> {
     Ok(out.into_inner()?)
 }
 
-fn describe(simulated: &[Simulated]) -> String {
+fn describe(simulated: &[ScenarioResult]) -> String {
     let mut text = format!(
         "{:>8}{:>7}{:>11}{:>13}{:>8}{:>10}{:>10}{:>9}{:>8}\n",
         "workers", "slots", "s/sample", "samples/s", "busy", "calls/s", "kB/s", "lost", "cores"
@@ -128,7 +128,7 @@ fn describe(simulated: &[Simulated]) -> String {
     text + "\ncores: processors that the coordinator keeps busy; busy: share of the slots' time that was of use\n"
 }
 
-fn chart(simulated: &[Simulated]) -> TradeoffChart {
+fn chart(simulated: &[ScenarioResult]) -> TradeoffChart {
     let mut series: Vec<TradeoffSeries> = Vec::new();
     for one in simulated {
         let name = format!("{} s a sample", one.scenario.sample_seconds);

@@ -8,7 +8,7 @@ use kriging::{FitOptions, Settings};
 use results::model;
 use results::modelling::table::Skipped;
 use results::modelling::{ModelFile, Request, Table, summary};
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use store::Store;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
@@ -18,9 +18,9 @@ use super::{read, read_bytes};
 use crate::arguments;
 
 /// `coordinator fit`.
-pub(super) async fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
+pub(super) async fn fit(arguments: &arguments::Fit) -> Result<u8, ProgramError> {
     if let Some(out) = &arguments.out {
-        output::refuse_taken(out)?;
+        output::require_new_file(out)?;
     }
     let table = table(&arguments.data)?;
     let how = &arguments.how;
@@ -61,8 +61,8 @@ pub(super) async fn fit(arguments: &arguments::Fit) -> anyhow::Result<u8> {
 }
 
 /// `coordinator predict`.
-pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8> {
-    output::refuse_taken(&arguments.out)?;
+pub(super) async fn predict(arguments: &arguments::Predict) -> Result<u8, ProgramError> {
+    output::require_new_file(&arguments.out)?;
     let model = match (&arguments.model, &arguments.db) {
         (Some(file), _) => ModelFile::from_json(&file.display().to_string(), &read(file)?)?,
         (None, Some(db)) => model::stored(&Store::open_read_only(db).await?).await?,
@@ -90,12 +90,12 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
     let mut predictions = predictions?;
     predictions.skipped = skipped;
     if !predictions.unused.is_empty() {
-        warn!(columns = %predictions.unused.join(", "), "no inputs of the model, and not used");
+        warn!(columns = %predictions.unused.join(", "), "ignored: not model inputs");
     }
     let content = if arguments.json {
         (serde_json::to_string(&predictions)? + "\n").into_bytes()
     } else {
-        predictions.to_csv()?
+        predictions.to_csv().map_err(anyhow::Error::from)?
     };
     output::write(&arguments.out, &content)?;
     Ok(exit::OK)
@@ -106,7 +106,7 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> anyhow::Result<u8
 pub(super) async fn interruptible<T: Send + 'static>(
     doing: String,
     work: impl FnOnce() -> T + Send + 'static,
-) -> anyhow::Result<Option<T>> {
+) -> Result<Option<T>, ProgramError> {
     let bar = runner::console::bars().add(ProgressBar::new_spinner());
     bar.set_style(ProgressStyle::with_template("{spinner} {msg}, {elapsed}")?);
     bar.set_message(doing);
@@ -124,7 +124,7 @@ pub(super) async fn interruptible<T: Send + 'static>(
     Ok(found)
 }
 
-fn table(file: &Path) -> anyhow::Result<Table> {
+fn table(file: &Path) -> Result<Table, ProgramError> {
     Ok(Table::parse(
         &file.display().to_string(),
         read_bytes(file)?,

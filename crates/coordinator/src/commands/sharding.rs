@@ -17,7 +17,7 @@ use runner::coordinator::engine::Engine;
 use runner::coordinator::recorder::StoreRecorder;
 use runner::coordinator::server;
 use runner::coordinator::service::Service;
-use runner::protocol::exit;
+use runner::exit::{self, HasExitCode, ProgramError};
 use runner::protocol::v1::campaign_server::Campaign as _;
 use runner::protocol::v1::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
 use runner::shards::{Header, Part, Shard};
@@ -27,10 +27,11 @@ use store::Store;
 use tokio_util::sync::CancellationToken;
 use tonic::Request;
 
-use super::output::{print_either, refuse_taken};
+use super::output::print_either;
+use super::output_folder::OutputFolder;
 use super::{
     FileAccess, campaign_or_paper, code_of_finished, out_folder, refuse_network_store,
-    refuse_report_of_another,
+    require_own_report,
 };
 use crate::arguments;
 
@@ -39,7 +40,7 @@ const LEASES: usize = 10_000;
 
 /// Why parts cannot be merged.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum Misfit {
+enum MergeError {
     #[error("{} is of another campaign than the store {}: merge it into the store that planned it",
         part.display(), store.display())]
     Foreign { part: PathBuf, store: PathBuf },
@@ -52,9 +53,18 @@ pub(super) enum Misfit {
     },
 }
 
+impl HasExitCode for MergeError {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Foreign { .. } => exit::OTHER_CAMPAIGN,
+            Self::Doubled { .. } => exit::USAGE,
+        }
+    }
+}
+
 /// The result of `plan`.
 #[derive(Serialize)]
-struct Planned {
+struct PlanResult {
     schema_version: u32,
     stage: String,
     shards: Vec<PathBuf>,
@@ -64,12 +74,12 @@ struct Planned {
 }
 
 /// Runs the local steps and writes the remaining jobs as shards, or the report if nothing remains.
-pub(super) async fn plan(arguments: arguments::Plan) -> anyhow::Result<u8> {
+pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError> {
     let CampaignFile { campaign, text, .. } = campaign_or_paper(Some(&arguments.campaign))?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let report = out_folder(arguments.report, &campaign);
-    refuse_report_of_another(&report, &campaign, &arguments.db).await?;
-    refuse_taken(&arguments.out)?;
+    require_own_report(&report, &campaign, &arguments.db).await?;
+    OutputFolder(&arguments.out).require_new()?;
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &text, &arguments.db).await?;
     let planned = plan_store(&problem, &store, arguments.shards, &arguments.out, &report).await;
@@ -107,15 +117,16 @@ async fn plan_store(
     count: u32,
     out: &Path,
     report: &Path,
-) -> anyhow::Result<Planned> {
+) -> Result<PlanResult, ProgramError> {
     let (engine, model_digest) = engine(problem, store).await?;
     if engine
         .run_to_jobs(&CancellationToken::new())
         .await?
         .is_some()
     {
-        let report = reporting::write(store, report, &runner::coordinator::made::made()).await?;
-        return Ok(Planned {
+        let report =
+            reporting::write(store, report, &runner::coordinator::provenance::labels()).await?;
+        return Ok(PlanResult {
             schema_version: SCHEMA_VERSION,
             stage: Stage::Done.name().to_owned(),
             shards: Vec::new(),
@@ -127,14 +138,10 @@ async fn plan_store(
     let campaign = problem.campaign();
     let (json, digest) = (campaign.to_json(), campaign.digest());
     let shards = Shard::deal(leases, count, (&json, &digest), model_digest.as_deref());
-    std::fs::create_dir_all(out).map_err(|source| FileAccess {
-        doing: "write to",
-        path: out.to_owned(),
-        source,
-    })?;
+    std::fs::create_dir_all(out).map_err(|source| FileAccess::new("write to", out, source))?;
     let units = shards.iter().map(|shard| shard.units().count()).sum();
     let written: Result<Vec<PathBuf>, _> = shards.iter().map(|shard| shard.write(out)).collect();
-    Ok(Planned {
+    Ok(PlanResult {
         schema_version: SCHEMA_VERSION,
         stage: status::read(store).await?.stage_name(),
         shards: written?,
@@ -144,7 +151,10 @@ async fn plan_store(
 }
 
 /// Creates an engine without workers. Returns it with the digest of the built-in simulator.
-async fn engine(problem: &Arc<Problem>, store: &Store) -> anyhow::Result<(Engine, Option<String>)> {
+async fn engine(
+    problem: &Arc<Problem>,
+    store: &Store,
+) -> Result<(Engine, Option<String>), ProgramError> {
     let is_external = problem.campaign().is_external();
     let model_digest = (!is_external).then(|| probe::model_digest(problem));
     if let Some(digest) = &model_digest {
@@ -182,7 +192,7 @@ async fn leases(board: &Board) -> Vec<Lease> {
 
 /// The result of `merge`.
 #[derive(Serialize)]
-struct Merged {
+struct MergeResult {
     schema_version: u32,
     parts: usize,
     /// Shards of the parts' plans for which no part was given.
@@ -194,7 +204,7 @@ struct Merged {
 }
 
 /// Stores the results in parts.
-pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
+pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramError> {
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     // All parts are read before any is stored.
     let parts: Result<Vec<Part>, _> = arguments
@@ -216,7 +226,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
     stored?;
     let status = status?;
     let unfinished = parts.iter().filter(|part| !part.missing().is_empty());
-    let merged = Merged {
+    let merged = MergeResult {
         schema_version: SCHEMA_VERSION,
         parts: parts.len(),
         missing_shards,
@@ -230,7 +240,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> anyhow::Result<u8> {
     Ok(if is_whole { exit::OK } else { exit::INCOMPLETE })
 }
 
-fn describe(merged: &Merged, is_planned: bool) -> String {
+fn describe(merged: &MergeResult, is_planned: bool) -> String {
     let mut text = format!(
         "merged          {} parts; the store has {} samples, stage {}\n",
         merged.parts, merged.samples, merged.stage
@@ -253,17 +263,17 @@ fn describe(merged: &Merged, is_planned: bool) -> String {
 
 /// Refuses parts of another campaign and two parts of the same shard. Returns the shards without a
 /// part.
-fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, Misfit> {
+fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, MergeError> {
     let mut seen: BTreeMap<(&str, u32), &Path> = BTreeMap::new();
     for Part { path, header, .. } in parts {
         if header.campaign_digest != digest {
-            return Err(Misfit::Foreign {
+            return Err(MergeError::Foreign {
                 part: path.clone(),
                 store: db.to_owned(),
             });
         }
         if let Some(first) = seen.insert((&header.plan, header.shard), path) {
-            return Err(Misfit::Doubled {
+            return Err(MergeError::Doubled {
                 shard: header.shard,
                 first: first.to_owned(),
                 second: path.clone(),
@@ -286,7 +296,11 @@ fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, Misfit> 
 }
 
 /// Reports the parts to a service, as workers do that computed the results before its start.
-async fn store_parts(problem: &Arc<Problem>, store: &Store, parts: &[Part]) -> anyhow::Result<()> {
+async fn store_parts(
+    problem: &Arc<Problem>,
+    store: &Store,
+    parts: &[Part],
+) -> Result<(), ProgramError> {
     let (engine, model_digest) = engine(problem, store).await?;
     let shutdown = CancellationToken::new();
     if engine.run_to_jobs(&shutdown).await?.is_some() {

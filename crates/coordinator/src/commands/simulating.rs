@@ -1,14 +1,12 @@
 //! `coordinator simulate`: one gear pair from a file.
 
-use std::io::{Error, ErrorKind};
-use std::path::Path;
-
 use ::studies::simulate::{self, WearChoice};
 use campaign::PairFile;
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use tracing::{info, warn};
 
-use super::{FileAccess, Usage, print_either, read};
+use super::output_folder::OutputFolder;
+use super::{Usage, print_either, read};
 use crate::arguments;
 
 /// Default seed of random wear.
@@ -17,7 +15,7 @@ const SEED: u64 = 1;
 const SAMPLES: u32 = 30;
 
 /// Simulates the pair of a file, prints its figures, and says whether it is simulable and feasible.
-pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
+pub(super) fn simulate(arguments: &arguments::Simulate) -> Result<u8, ProgramError> {
     if arguments.wear != WearChoice::Random {
         let given = [
             ("--seed", arguments.seed),
@@ -30,7 +28,7 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
         }
     }
     if let Some(out) = &arguments.out {
-        require_empty(out)?;
+        OutputFolder(out).require_new()?;
     }
     let text = read(&arguments.pair)?;
     let file = PairFile::parse(&arguments.pair.display().to_string(), &text)?;
@@ -62,24 +60,4 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> anyhow::Result<u8> {
     } else {
         exit::NOT_SIMULABLE
     })
-}
-
-/// Refuses a folder that is not empty, and a file of that name.
-fn require_empty(out: &Path) -> Result<(), FileAccess> {
-    let refuse = |source| FileAccess {
-        doing: "write into",
-        path: out.to_owned(),
-        source,
-    };
-    match out.read_dir() {
-        Ok(mut entries) => match entries.next() {
-            None => Ok(()),
-            Some(_) => Err(refuse(Error::new(
-                ErrorKind::DirectoryNotEmpty,
-                "the folder is not empty: name a new one",
-            ))),
-        },
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(refuse(error)),
-    }
 }

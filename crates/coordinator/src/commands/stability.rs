@@ -2,23 +2,24 @@
 
 use lab::stability::Atlas;
 use results::table::SCHEMA_VERSION;
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use serde_json::json;
 use studies::table;
 use tracing::info;
 
-use super::output::{print_either, refuse_taken};
+use super::output::print_either;
+use super::output_folder::OutputFolder;
 use crate::arguments;
 
 /// The file name of the page.
 const PAGE: &str = "index.html";
 
 /// Runs all entries of the atlas, prints a line for each, and writes the page and its tables.
-pub(super) fn stability(arguments: &arguments::Stability) -> anyhow::Result<u8> {
+pub(super) fn stability(arguments: &arguments::Stability) -> Result<u8, ProgramError> {
     let out = &arguments.out;
-    refuse_taken(out)?;
+    OutputFolder(out).require_new()?;
     let atlas = Atlas::run();
-    for (name, table) in atlas.tables()? {
+    for (name, table) in atlas.tables().map_err(anyhow::Error::from)? {
         table::write(out, &name, table)?;
     }
     table::write(out, PAGE, atlas.page(runner::identity::BUILD)?)?;

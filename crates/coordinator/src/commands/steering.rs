@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use results::describing::describe;
 use results::status::{self, Status};
 use results::table::SCHEMA_VERSION;
+use runner::exit::{self, ProgramError};
 use runner::gateway::client::ConnectArguments;
 use runner::gateway::{Link, Role};
-use runner::protocol::exit;
 use runner::protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
 use store::Store;
 
@@ -25,7 +25,7 @@ const AWAY: Duration = Duration::from_secs(60);
 const CLEAR: &str = "\x1b[H\x1b[J";
 
 /// `coordinator status`.
-pub(super) async fn status(arguments: arguments::Status) -> anyhow::Result<u8> {
+pub(super) async fn status(arguments: arguments::Status) -> Result<u8, ProgramError> {
     let mut source = match &arguments.db {
         Some(db) => Source::Store(Box::new(Store::open_read_only(db).await?)),
         None => Source::Coordinator {
@@ -76,17 +76,14 @@ enum Source {
 
 impl Source {
     /// Whether the error means that a coordinator that has answered before is unreachable.
-    fn may_come_back(&self, error: &anyhow::Error) -> bool {
-        let is_away = matches!(
-            error.downcast_ref(),
-            Some(runner::gateway::Error::Unreachable { .. })
-        );
-        is_away && matches!(self, Self::Coordinator { seen, .. } if *seen > 0)
+    fn may_come_back(&self, error: &ProgramError) -> bool {
+        error.code() == exit::UNREACHABLE
+            && matches!(self, Self::Coordinator { seen, .. } if *seen > 0)
     }
 
-    async fn next(&mut self) -> anyhow::Result<Status> {
+    async fn next(&mut self) -> Result<Status, ProgramError> {
         match self {
-            Self::Store(store) => status::read(store).await,
+            Self::Store(store) => Ok(status::read(store).await?),
             Self::Coordinator { link, seen } => {
                 let request = WatchRequest {
                     seen: *seen,
@@ -106,7 +103,7 @@ fn link(connect: &ConnectArguments) -> Result<Link, runner::gateway::Error> {
 }
 
 /// `coordinator explain`.
-pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8> {
+pub(super) async fn explain(arguments: &arguments::Explain) -> Result<u8, ProgramError> {
     let link = link(&arguments.connect)?;
     let answer = link.client().explain(ExplainRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?.into_inner();
@@ -117,7 +114,7 @@ pub(super) async fn explain(arguments: &arguments::Explain) -> anyhow::Result<u8
 }
 
 /// `coordinator drain`.
-pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
+pub(super) async fn drain(arguments: &arguments::Drain) -> Result<u8, ProgramError> {
     let link = link(&arguments.connect)?;
     let request = DrainRequest {
         resume: arguments.resume,
@@ -130,13 +127,13 @@ pub(super) async fn drain(arguments: &arguments::Drain) -> anyhow::Result<u8> {
     print(&if arguments.resume {
         "leasing again\n".to_owned()
     } else {
-        format!("draining: the coordinator ends when the {leased} leases that are out are in\n")
+        format!("draining: the coordinator ends once the {leased} open leases are reported\n")
     })?;
     Ok(exit::OK)
 }
 
 /// `coordinator retry`.
-pub(super) async fn retry(arguments: &arguments::Retry) -> anyhow::Result<u8> {
+pub(super) async fn retry(arguments: &arguments::Retry) -> Result<u8, ProgramError> {
     let link = link(&arguments.connect)?;
     let answer = link.client().retry(RetryRequest {}).await;
     let answer = answer.map_err(|status| link.error(&status))?;

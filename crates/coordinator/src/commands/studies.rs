@@ -7,7 +7,7 @@ use campaign::Campaign;
 use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use runner::coordinator::server::{self, Outcome, Plan};
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use store::Store;
 use studies::refusal::{require_built_in, require_gears};
 use studies::table::Document;
@@ -16,24 +16,21 @@ use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use super::modelling::interruptible;
-use super::output::refuse_taken;
+use super::output_folder::OutputFolder;
 use super::{Usage, local_workers, print_either, processors, read, refuse_network_store};
 use crate::arguments;
 use crate::progress::Progress;
 
 /// `coordinator sweep`: a campaign for each number of teeth, then the table of them all.
-pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
+pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramError> {
     let campaign = parse(&arguments.campaign)?;
     let count = arguments.workers.unwrap_or_else(processors);
     let workers = local_workers(&campaign, &arguments.simulator, count)?;
     let out = folder(arguments.out, &campaign, "sweep");
     let file = arguments.campaign.display().to_string();
     let members = sweep::members(&file, &campaign, &arguments.teeth, &out)?;
-    std::fs::create_dir_all(&out).map_err(|source| super::FileAccess {
-        doing: "make the folder",
-        path: out.clone(),
-        source,
-    })?;
+    std::fs::create_dir_all(&out)
+        .map_err(|source| super::FileAccess::new("make the folder", &out, source))?;
     let shutdown = CancellationToken::new();
     tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let mut incomplete = false;
@@ -84,7 +81,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> anyhow::Result<u8> {
 }
 
 /// `coordinator corrections`: the robust optimum with and without profile corrections.
-pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Result<u8> {
+pub(super) async fn corrections(arguments: arguments::Corrections) -> Result<u8, ProgramError> {
     let campaign = parse(&arguments.campaign)?;
     let spaces = corrections::spaces(&campaign).map_err(usage)?;
     let out = new_folder(arguments.out, &campaign, "corrections")?;
@@ -120,7 +117,7 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> anyhow::Re
 
 /// `coordinator sensitivity`: the effect of wear parameters and tolerances on the recommended
 /// design.
-pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Result<u8> {
+pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> Result<u8, ProgramError> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     let campaign = problem.campaign().clone();
     require_built_in(&campaign).map_err(usage)?;
@@ -149,7 +146,7 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> anyhow::Re
 }
 
 /// `coordinator pareto`: P90 against a second objective.
-pub(super) async fn pareto(arguments: arguments::Pareto) -> anyhow::Result<u8> {
+pub(super) async fn pareto(arguments: arguments::Pareto) -> Result<u8, ProgramError> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     let (against, refine) = (arguments.against, arguments.refine);
     if refine > 0 {
@@ -183,7 +180,7 @@ fn usage(error: impl std::fmt::Display) -> Usage {
 }
 
 /// Reads a campaign and refuses one that is not of gears.
-fn parse(file: &Path) -> anyhow::Result<Campaign> {
+fn parse(file: &Path) -> Result<Campaign, ProgramError> {
     let CampaignFile { campaign, .. } =
         CampaignFile::parse(&file.display().to_string(), &read(file)?)?;
     require_gears(&campaign).map_err(usage)?;
@@ -201,13 +198,13 @@ fn new_folder(
     what: &str,
 ) -> Result<PathBuf, super::FileAccess> {
     let out = folder(out, campaign, what);
-    refuse_taken(&out)?;
+    OutputFolder(&out).require_new()?;
     Ok(out)
 }
 
 async fn finished_campaign(
     arguments: &arguments::FinishedCampaign,
-) -> anyhow::Result<(Store, Problem)> {
+) -> Result<(Store, Problem), ProgramError> {
     let campaign = parse(&arguments.campaign)?;
     let db = arguments
         .db
@@ -218,7 +215,7 @@ async fn finished_campaign(
     Ok((store, problem))
 }
 
-fn finish(document: &Document, out: &Path, json: bool) -> anyhow::Result<u8> {
+fn finish(document: &Document, out: &Path, json: bool) -> Result<u8, ProgramError> {
     print_either(json, &document.to_json(out), || {
         format!("{}\nwritten to {}\n", document.page, out.display())
     })?;

@@ -1,6 +1,6 @@
 //! `coordinator tradeoff`: speed against accuracy, measured on this machine.
 
-use std::io::{Error, ErrorKind};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use campaign::accuracy::CampaignFile;
 use campaign::formulation::Problem;
 use lab::tradeoff::{Kind, Size, Study, Table};
 use results::table::SCHEMA_VERSION;
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use studies::refusal::{require_built_in, require_gears};
@@ -19,7 +19,7 @@ use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 use tracing::info;
 
-use super::output::refuse_taken;
+use super::output_folder::OutputFolder;
 use super::{FileAccess, Usage, campaign_or_paper, print};
 use crate::arguments;
 
@@ -47,8 +47,41 @@ struct Stamp {
     program_version: String,
 }
 
+impl Stamp {
+    fn new(campaign: &Campaign, size: Size) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            campaign_digest: campaign.digest(),
+            size: size.name(),
+            program_version: runner::identity::BUILD.to_owned(),
+        }
+    }
+
+    /// Refuses the text of a stamp that differs from this one.
+    fn check(&self, text: &str) -> Result<(), String> {
+        let stored: Self = serde_json::from_str(text)
+            .map_err(|error| format!("its {STAMP} cannot be read ({error})"))?;
+        for (what, stored, own) in [
+            ("campaign", &stored.campaign_digest, &self.campaign_digest),
+            ("size", &stored.size, &self.size),
+            (
+                "program version",
+                &stored.program_version,
+                &self.program_version,
+            ),
+        ] {
+            if stored != own {
+                return Err(format!(
+                    "it holds studies of another {what}, {stored}, not {own}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Measures the studies that the folder does not hold yet, and writes the page.
-pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> anyhow::Result<u8> {
+pub(super) async fn tradeoff(arguments: arguments::Tradeoff) -> Result<u8, ProgramError> {
     let CampaignFile { campaign, .. } = campaign_or_paper(arguments.campaign.as_deref())?;
     require_gears(&campaign).map_err(|error| Usage(error.to_string()))?;
     require_built_in(&campaign).map_err(|error| Usage(error.to_string()))?;
@@ -89,7 +122,7 @@ fn conduct(
     out: &Path,
     is_json: bool,
     shutdown: CancellationToken,
-) -> anyhow::Result<()> {
+) -> Result<(), ProgramError> {
     let problem = Problem::new(campaign.clone());
     let mut programs = Programs {
         campaign,
@@ -117,7 +150,12 @@ fn conduct(
         }
         studies.push(study);
     }
-    let page = lab::tradeoff::page(campaign, size, &studies, runner::coordinator::made::made());
+    let page = lab::tradeoff::page(
+        campaign,
+        size,
+        &studies,
+        runner::coordinator::provenance::labels(),
+    );
     let page = results::report::render_tradeoff(&page)?;
     for chart in &page.charts {
         write(
@@ -135,7 +173,8 @@ fn conduct(
         format!("{}\n", to_json(&studies, size, out))
     } else {
         format!("page: {}\n", path.display())
-    })
+    })?;
+    Ok(())
 }
 
 fn file(kind: Kind) -> String {
@@ -143,11 +182,11 @@ fn file(kind: Kind) -> String {
 }
 
 /// Reads a study from the folder, if it is there.
-fn finished(kind: Kind, out: &Path) -> anyhow::Result<Option<Study>> {
+fn finished(kind: Kind, out: &Path) -> Result<Option<Study>, ProgramError> {
     let path = out.join(file(kind));
     let csv = match std::fs::read(&path) {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(cannot("read", path, source).into()),
+        Err(source) => return Err(FileAccess::new("read", &path, source).into()),
         Ok(csv) => csv,
     };
     let table = Table::from_csv(&csv).with_context(|| {
@@ -160,47 +199,12 @@ fn finished(kind: Kind, out: &Path) -> anyhow::Result<Option<Study>> {
 }
 
 /// Claims a folder that is new, empty, or of this campaign, size and program.
-fn claim(out: &Path, campaign: &Campaign, size: Size) -> anyhow::Result<()> {
-    let own = Stamp {
-        schema_version: SCHEMA_VERSION,
-        campaign_digest: campaign.digest(),
-        size: size.name(),
-        program_version: runner::identity::BUILD.to_owned(),
-    };
-    let path = out.join(STAMP);
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-            refuse_taken(out)?;
-            return write(out, STAMP, serde_json::to_string_pretty(&own)? + "\n");
-        }
-        Err(source) => return Err(cannot("read", path, source).into()),
-    };
-    let refuse = |what: String| {
-        let what = format!("{what}: choose another folder with --out");
-        cannot(
-            "write to",
-            out.to_owned(),
-            Error::new(ErrorKind::AlreadyExists, what),
-        )
-    };
-    let held: Stamp = serde_json::from_str(&text)
-        .map_err(|error| refuse(format!("its {STAMP} cannot be read ({error})")))?;
-    for (what, held, own) in [
-        ("campaign", &held.campaign_digest, &own.campaign_digest),
-        ("size", &held.size, &own.size),
-        (
-            "program version",
-            &held.program_version,
-            &own.program_version,
-        ),
-    ] {
-        if held != own {
-            return Err(refuse(format!(
-                "it holds studies of another {what}, {held}, not {own}"
-            ))
-            .into());
-        }
+fn claim(out: &Path, campaign: &Campaign, size: Size) -> Result<(), ProgramError> {
+    let own = Stamp::new(campaign, size);
+    let folder = OutputFolder(out);
+    if !folder.require_own(STAMP, |text| own.check(text))? {
+        folder.require_new()?;
+        write(out, STAMP, serde_json::to_string_pretty(&own)? + "\n")?;
     }
     Ok(())
 }
@@ -242,14 +246,6 @@ fn to_json(studies: &[Study], size: Size, out: &Path) -> Value {
     })
 }
 
-fn cannot(doing: &'static str, path: PathBuf, source: Error) -> FileAccess {
-    FileAccess {
-        doing,
-        path,
-        source,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -262,7 +258,7 @@ mod tests {
         let wear = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
         claim(&out, &paper, Size::Quick).unwrap();
         claim(&out, &paper, Size::Quick).unwrap();
-        let said = |claimed: anyhow::Result<()>| format!("{:#}", claimed.unwrap_err());
+        let said = |claimed: Result<(), ProgramError>| format!("{:#}", claimed.unwrap_err());
         assert!(said(claim(&out, &wear, Size::Quick)).contains("another campaign"));
         assert!(said(claim(&out, &paper, Size::Full)).contains("another size, quick, not full"));
         let stamp = out.join(STAMP);

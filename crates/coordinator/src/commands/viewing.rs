@@ -3,7 +3,7 @@
 use std::net::{Ipv4Addr, SocketAddr};
 
 use runner::coordinator::serving::listen;
-use runner::protocol::exit;
+use runner::exit::{self, ProgramError};
 use store::Store;
 use tokio_util::sync::CancellationToken;
 
@@ -26,7 +26,7 @@ pub(super) fn refuse_open(address: Option<SocketAddr>) -> Result<(), Usage> {
 }
 
 /// `coordinator view`.
-pub(super) async fn view(arguments: arguments::View) -> anyhow::Result<u8> {
+pub(super) async fn view(arguments: arguments::View) -> Result<u8, ProgramError> {
     refuse_open(arguments.http)?;
     let store = Store::open_read_only(&arguments.db).await?;
     let anywhere = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));

@@ -9,8 +9,8 @@ use std::ops::Range;
 use std::time::Duration;
 
 use ledger::{
-    Delivery, Failed, Generation, Grant, History, LeaseId, Ledger, Options, StreamDemand, StreamId,
-    Unit, WorkerId,
+    Delivery, FailureReport, Generation, Grant, History, LeaseId, Ledger, Options, StreamDemand,
+    StreamId, Unit, WorkerId,
 };
 
 pub(crate) const LEASE: Duration = Duration::from_secs(30);
@@ -62,7 +62,7 @@ pub(crate) fn all_of(grant: &Grant<()>) -> Delivery {
 
 pub(crate) fn failure_of(grant: &Grant<()>) -> Delivery {
     Delivery {
-        failed: vec![Failed {
+        failed: vec![FailureReport {
             stream: grant.units[0].0.stream,
             sample: Some(grant.units[0].0.samples.start),
             error: "no load path".to_owned(),

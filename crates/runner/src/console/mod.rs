@@ -11,7 +11,7 @@ pub mod service;
 use std::io::{IsTerminal as _, Write as _};
 use std::sync::OnceLock;
 
-use crate::protocol::exit;
+use crate::exit;
 use indicatif::MultiProgress;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;

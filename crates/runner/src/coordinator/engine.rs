@@ -16,7 +16,7 @@ use stages::state::{OpenDesign, State, VerifyPoint};
 use stages::verification::Sizes;
 use stages::wanted::{self, Requests};
 use stages::{names, references, snapshot};
-use store::{Batch, Derived, OptimiserRunRow, Store};
+use store::{Batch, DerivedResult, OptimiserRunRow, Store};
 use tokio_util::sync::CancellationToken;
 use tracing::info;
 
@@ -121,7 +121,7 @@ impl Engine {
             let base = plan::base(problem, &state);
             let next = plan::next(problem, &self.inputs, &state);
             if !next.outdated.is_empty() {
-                let outdated: Vec<String> = next.outdated.iter().map(Derived::name).collect();
+                let outdated: Vec<String> = next.outdated.iter().map(DerivedResult::name).collect();
                 info!(outdated = %outdated.join(", "), "inputs have changed: to be computed again");
                 // The board, too, must not take them for stored; what is on its way is refused.
                 let is_gone = |stream| {
@@ -130,7 +130,7 @@ impl Engine {
                 };
                 self.board.forget(is_gone);
                 store.remove(&next.outdated).await?;
-                if next.outdated.contains(&Derived::Samples) {
+                if next.outdated.contains(&DerivedResult::Samples) {
                     more.clear();
                 }
                 continue;
@@ -206,10 +206,10 @@ impl Engine {
         open: &[OpenDesign],
         searches: &mut Searches,
     ) -> anyhow::Result<bool> {
-        let mut asked = wanted::asked(&self.problem, &self.inputs, next, open);
+        let mut requests = wanted::requests(&self.problem, &self.inputs, next, open);
         if self.campaign().is_external() {
             for run in &next.runs {
-                if !self.search(run, searches, &mut asked).await? {
+                if !self.search(run, searches, &mut requests).await? {
                     return Ok(false);
                 }
             }
@@ -218,7 +218,7 @@ impl Engine {
         let Requests {
             streams,
             mut generations,
-        } = asked;
+        } = requests;
         // The store first: results of a job on the board may arrive at once.
         if let Some(samples) = &next.samples {
             self.store.put_derivation(samples).await?;
@@ -234,20 +234,20 @@ impl Engine {
         Ok(true)
     }
 
-    /// Adds the next candidates of a run on an external simulator to `asked`. Returns false if the
+    /// Adds the next candidates of a run on an external simulator to `requests`. Returns false if the
     /// run has ended.
     async fn search(
         &self,
         run: &Run,
         searches: &mut Searches,
-        asked: &mut Requests,
+        requests: &mut Requests,
     ) -> anyhow::Result<bool> {
         let stream = run.stream();
         loop {
             let turn = searches.turn(&self.store, &self.problem, &self.inputs, run);
             match turn.await.with_context(|| names::stream_name(stream))? {
                 Turn::Asks(wanted) => {
-                    asked.add(wanted);
+                    requests.add(wanted);
                     return Ok(true);
                 }
                 Turn::Finished(result) => {
@@ -255,7 +255,7 @@ impl Engine {
                     return Ok(false);
                 }
                 Turn::Foreign => {
-                    info!(run = %names::stream_name(stream), "evaluations of another build or of other inputs: it begins anew");
+                    info!(run = %names::stream_name(stream), "stored evaluations do not match; restarting the run");
                     self.store.clear_evaluations(stream).await?;
                 }
             }

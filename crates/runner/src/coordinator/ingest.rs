@@ -10,7 +10,7 @@ use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleBlock};
 
 /// The result of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Read {
+pub struct CheckedResult {
     /// The unit.
     pub unit: Unit,
     /// The rows to store, or the error of a failed job.
@@ -27,7 +27,10 @@ pub struct Read {
 /// # Errors
 ///
 /// The message does not say which unit it is about. The error is a phrase without its subject.
-pub fn read(problem: &Problem, result: &UnitResult) -> Result<Read, crate::protocol::Malformed> {
+pub fn read(
+    problem: &Problem,
+    result: &UnitResult,
+) -> Result<CheckedResult, crate::protocol::Malformed> {
     let named = |stream, why: &str| format!("{}: {why}", stream_name(stream));
     let (unit, output) = match crate::protocol::output(result) {
         Ok(read) => read,
@@ -58,7 +61,7 @@ pub fn read(problem: &Problem, result: &UnitResult) -> Result<Read, crate::proto
         let rows = rows(problem, &unit, output, cpu_seconds);
         rows.map_err(|why| named(unit.stream, &why))
     });
-    Ok(Read {
+    Ok(CheckedResult {
         unit,
         rows,
         is_refused,
@@ -192,7 +195,7 @@ mod tests {
         }
     }
 
-    fn of(unit: &Unit, outcome: Result<Output, String>) -> Read {
+    fn of(unit: &Unit, outcome: Result<Output, String>) -> CheckedResult {
         let sent = crate::protocol::result(unit, &outcome.map(Some), f64::NAN);
         read(&problem(), &sent).unwrap()
     }

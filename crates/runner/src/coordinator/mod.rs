@@ -6,7 +6,7 @@
 //!   gRPC service. [`ingest`] converts reported results to rows, which a [`recorder`] stores.
 //! - [`server`] opens the store and runs a campaign. [`serving`] has the port, and the [`local`] workers
 //!   of the same process.
-//! - [`made`] names the machine, time and program version of a report.
+//! - [`provenance`] names the machine, time and program version of a report.
 //! - `leases` ends expired leases.
 
 #![expect(
@@ -20,9 +20,9 @@ pub mod engine;
 pub mod ingest;
 mod leases;
 pub mod local;
-pub mod made;
 mod pace;
-mod receiving;
+pub mod provenance;
+mod receiver;
 pub mod recorder;
 pub mod server;
 pub mod service;

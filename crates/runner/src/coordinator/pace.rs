@@ -12,8 +12,8 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use ledger::{Kind, Unit};
-use results::running::{Pace, Paces};
+use ledger::{Delivery, Kind, Unit, WorkerId};
+use results::running::{Pace, Paces, RunSeconds};
 
 /// Minimum duration of a batch.
 const BATCH: Duration = Duration::from_secs(1);
@@ -157,10 +157,54 @@ impl Ratio {
     }
 }
 
+/// The rates at which workers deliver, and the durations of optimiser runs.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Rates {
+    total: Meters,
+    by_worker: BTreeMap<WorkerId, Meters>,
+    runs: Runs,
+}
+
+impl Rates {
+    /// Counts the stored units of a delivery. `has_whole_runs`: a unit of a run is the whole run.
+    pub(crate) fn count(
+        &mut self,
+        worker: &WorkerId,
+        delivery: &Delivery,
+        has_whole_runs: bool,
+        now: Duration,
+    ) {
+        self.total.count(now, &delivery.stored);
+        let own = self.by_worker.entry(worker.clone()).or_default();
+        own.count(now, &delivery.stored);
+        let is_run = |unit: &Unit| unit.stream.kind == Kind::Run;
+        // A lease has one whole run, or none.
+        if has_whole_runs && delivery.stored.iter().any(is_run) {
+            self.runs.count(delivery.seconds);
+        }
+    }
+
+    /// The current rates of all workers together.
+    pub(crate) fn paces(&self, now: Duration) -> Paces {
+        self.total.paces(now)
+    }
+
+    /// The current rate of a worker.
+    pub(crate) fn samples_per_second(&self, worker: &WorkerId, now: Duration) -> f64 {
+        let own = self.by_worker.get(worker);
+        own.map_or(0.0, |own| own.paces(now).samples_per_second())
+    }
+
+    /// The mean, shortest and longest duration of the last runs; none before a run has ended.
+    pub(crate) fn run_seconds(&self) -> Option<RunSeconds> {
+        self.runs.seconds()
+    }
+}
+
 /// A meter for each kind of work. The kinds take different times, and one may wait while another is
 /// computed.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Meters(BTreeMap<Kind, Meter>);
+struct Meters(BTreeMap<Kind, Meter>);
 
 impl Meters {
     pub(crate) fn count(&mut self, now: Duration, units: &[Unit]) {
@@ -182,7 +226,7 @@ impl Meters {
 
 /// Durations of the last optimiser runs, in seconds.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Runs(VecDeque<f64>);
+struct Runs(VecDeque<f64>);
 
 impl Runs {
     pub(crate) fn count(&mut self, seconds: f64) {
@@ -193,9 +237,9 @@ impl Runs {
     }
 
     /// The mean, shortest and longest duration; none before a run has ended.
-    pub(crate) fn seconds(&self) -> Option<results::running::RunSeconds> {
+    pub(crate) fn seconds(&self) -> Option<RunSeconds> {
         let of = |pick: fn(f64, f64) -> f64| self.0.iter().copied().reduce(pick);
-        Some(results::running::RunSeconds {
+        Some(RunSeconds {
             mean: self.0.iter().sum::<f64>() / self.0.len() as f64,
             shortest: of(f64::min)?,
             longest: of(f64::max)?,

@@ -20,7 +20,8 @@ use crate::coordinator::leases;
 use crate::coordinator::local::LocalWorkers;
 use crate::coordinator::recorder::{Recorder as _, StoreRecorder};
 use crate::coordinator::service::Service;
-use crate::coordinator::serving::{Error, OpenPort, Port, Serving, farewell, listen};
+use crate::coordinator::serving::{OpenPort, Port, RunningServer, farewell, listen};
+use crate::exit::ProgramError;
 
 /// Default duration of a lease.
 pub const LEASE: Duration = Duration::from_secs(30);
@@ -85,7 +86,7 @@ pub async fn run(
     plan: Plan,
     observer: Option<Observer>,
     shutdown: CancellationToken,
-) -> Result<Outcome, Error> {
+) -> Result<Outcome, ProgramError> {
     for warning in plan.campaign.warnings() {
         warn!("{warning}");
     }
@@ -124,7 +125,11 @@ pub async fn run(
 /// # Errors
 ///
 /// The store is of another campaign, or cannot be used.
-pub async fn open_store(problem: &Problem, file_text: &str, db: &Path) -> Result<Store, Error> {
+pub async fn open_store(
+    problem: &Problem,
+    file_text: &str,
+    db: &Path,
+) -> Result<Store, ProgramError> {
     let campaign = problem.campaign();
     let row = CampaignRow {
         name: campaign.name.clone(),
@@ -167,14 +172,14 @@ async fn run_open(
     ports: Ports,
     observer: Option<Observer>,
     shutdown: &CancellationToken,
-) -> Result<Outcome, Error> {
+) -> Result<Outcome, ProgramError> {
     if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
     }
     let mut histories = store.stream_histories().await?;
     if plan.retry_failed {
         let results = store.remove_failures(campaign::task::FAILED).await?;
-        info!(results, "what has failed is computed again");
+        info!(results, "computing failed results again");
         histories.iter_mut().for_each(|job| job.failures = 0);
     }
     let options = ledger::Options {
@@ -194,13 +199,13 @@ async fn run_open(
         problem: Arc::clone(problem),
         model_digest: model_digest.clone(),
     };
-    let mut serving = Serving::start(service, ports.opened, &plan.workers)?;
+    let mut serving = RunningServer::start(service, ports.opened, &plan.workers)?;
     let hang_up = serving.hang_up();
     info!(store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
     crate::console::service::ready();
     let page = match ports.http {
         Some(listener) => {
-            let address = listener.local_addr().map_err(anyhow::Error::from)?;
+            let address = listener.local_addr()?;
             info!(url = %format!("http://{address}"), "live page");
             let board = Arc::clone(&board);
             let site =
@@ -228,11 +233,11 @@ async fn run_open(
     let outcome = loop {
         let retries = engine.board.retries();
         let ended = tokio::select! {
-            ended = engine.run(shutdown) => ended.map_err(Error::from),
-            Err(failed) = leases::watch(&engine.board, &recorder) => Err(Error::Store(failed)),
-            failed = serving.failed() => Err(Error::from(failed)),
-            broken = recorder.broken() => Err(Error::Store(broken)),
-            damaged = store.damaged() => Err(Error::Store(damaged)),
+            ended = engine.run(shutdown) => ended.map_err(ProgramError::from),
+            Err(failed) = leases::watch(&engine.board, &recorder) => Err(failed.into()),
+            failed = serving.failed() => Err(failed.into()),
+            broken = recorder.broken() => Err(broken.into()),
+            damaged = store.damaged() => Err(damaged.into()),
         };
         let quarantined = match ended {
             Ok(Some(CampaignEnd { quarantined })) => quarantined,
@@ -249,18 +254,17 @@ async fn run_open(
         };
         // A campaign is not finished before the check of its store file has ended.
         if let Err(damaged) = store.checked().await {
-            break Err(Error::Store(damaged));
+            break Err(damaged.into());
         }
-        let report = reporting::write(store, &plan.out, &crate::coordinator::made::made())
-            .await
-            .map_err(Error::from)?;
+        let report =
+            reporting::write(store, &plan.out, &crate::coordinator::provenance::labels()).await?;
         info!(report = %report.display(), "report written");
         if !engine.board.finish(retries) {
             continue;
         }
         farewell(&engine.board).await;
         if plan.keep_serving {
-            info!("finished; serving on until a signal comes");
+            info!("finished; still serving: stop with Ctrl-C or `coordinator drain`");
             tokio::select! {
                 () = shutdown.cancelled() => {}
                 () = engine.board.reopened() => continue,

@@ -17,7 +17,7 @@ use tonic::{Request, Response, Status};
 use tracing::info;
 
 use crate::coordinator::board::{Board, Course, Room};
-use crate::coordinator::receiving::{Receiving, beginning};
+use crate::coordinator::receiver::{Receiver, beginning};
 use crate::coordinator::recorder::Recorder;
 
 /// Maximum time that a call may wait for a change.
@@ -144,12 +144,12 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         let service = self.clone();
         // The task outlives its caller, so that no lease stays open whose results are stored.
         let taken = tokio::spawn(async move {
-            let receiving = Receiving {
+            let receiver = Receiver {
                 problem: &service.problem,
                 board: &service.board,
                 recorder: &service.recorder,
             };
-            let taken = receiving.take_results(&worker, request.results).await;
+            let taken = receiver.take_results(&worker, request.results).await;
             drop(reporting);
             taken
         });
@@ -252,7 +252,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     ) -> Result<Response<RetryResponse>, Status> {
         let retried = self.board.retry().into_iter();
         let retried: Vec<String> = retried.map(names::stream_name).collect();
-        info!(streams = %retried.join(", "), "another chance for what was quarantined");
+        info!(streams = %retried.join(", "), "retrying quarantined streams");
         Ok(Response::new(RetryResponse { retried }))
     }
 }

@@ -4,6 +4,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::exit::{self, HasExitCode, ProgramError};
 use crate::gateway::Guard;
 use crate::gateway::access::Issuer;
 use crate::gateway::port::{self, Listeners};
@@ -32,39 +33,26 @@ pub struct Port {
     pub hosts: Vec<String>,
 }
 
-/// An error that ends a campaign.
+/// An address that cannot be listened on.
 #[derive(Debug, thiserror::Error)]
-pub enum Error {
-    /// The store refused.
-    #[error(transparent)]
-    Store(#[from] store::Error),
-    /// The access file cannot be used.
-    #[error(transparent)]
-    Access(#[from] crate::gateway::Error),
-    /// The address cannot be listened on.
-    #[error("cannot listen on {address}: choose another {option} address, or stop what uses it")]
-    Listen {
-        /// The option that gives the address.
-        option: &'static str,
-        /// The address.
-        address: SocketAddr,
-        /// The system's error.
-        source: std::io::Error,
-    },
-    /// Any other error.
-    #[error(transparent)]
-    Other(#[from] anyhow::Error),
+#[error("cannot listen on {address}: choose another {option} address, or stop what uses it")]
+pub struct ListenError {
+    option: &'static str,
+    address: SocketAddr,
+    source: std::io::Error,
+}
+
+impl HasExitCode for ListenError {
+    fn exit_code(&self) -> u8 {
+        exit::CANNOT_LISTEN
+    }
 }
 
 /// Listens on the address that an option gives.
-///
-/// # Errors
-///
-/// [`Error::Listen`].
-pub async fn listen(option: &'static str, address: SocketAddr) -> Result<TcpListener, Error> {
+pub async fn listen(option: &'static str, address: SocketAddr) -> Result<TcpListener, ListenError> {
     TcpListener::bind(address)
         .await
-        .map_err(|source| Error::Listen {
+        .map_err(|source| ListenError {
             option,
             address,
             source,
@@ -83,7 +71,7 @@ pub(crate) struct OpenPort {
 
 impl OpenPort {
     /// Binds the port of the campaign `name`.
-    pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, Error> {
+    pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, ProgramError> {
         let issuer = Issuer::new(&port.access, name)?;
         let guard = issuer.guard()?;
         let everywhere = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
@@ -96,7 +84,7 @@ impl OpenPort {
             },
             (None, None) => listen("--listen", everywhere(0)).await?,
         };
-        let address = listener.local_addr().map_err(|source| Error::Listen {
+        let address = listener.local_addr().map_err(|source| ListenError {
             option: "--listen",
             address: everywhere(0),
             source,
@@ -112,7 +100,7 @@ impl OpenPort {
 }
 
 /// The server and the workers of this process.
-pub(crate) struct Serving {
+pub(crate) struct RunningServer {
     hang_up: CancellationToken,
     server: JoinHandle<anyhow::Result<()>>,
     issuer: Option<Issuer>,
@@ -120,17 +108,13 @@ pub(crate) struct Serving {
     workers: JoinSet<Result<crate::worker::Summary, crate::worker::Error>>,
 }
 
-impl Serving {
+impl RunningServer {
     /// Serves the port, if there is one, and starts the workers of this process.
-    ///
-    /// # Errors
-    ///
-    /// The access file cannot be written.
     pub(crate) fn start<R: Recorder>(
         service: Service<R>,
         opened: Option<OpenPort>,
         workers: &LocalWorkers,
-    ) -> Result<Self, Error> {
+    ) -> Result<Self, crate::gateway::Error> {
         let hang_up = CancellationToken::new();
         let (dial, local) = port::local();
         let mut issuer = None;
@@ -165,15 +149,12 @@ impl Serving {
     /// Waits for the first failure of a worker of this process; never returns if there is none.
     pub(crate) async fn failed(&mut self) -> anyhow::Error {
         while let Some(ended) = self.workers.join_next().await {
-            match ended {
-                Ok(Ok(_)) => {}
-                Ok(Err(error)) => {
-                    return anyhow::Error::from(error).context("a worker of this process");
-                }
-                Err(panic) => {
-                    return anyhow::Error::from(panic).context("a worker of this process");
-                }
-            }
+            let error = match ended {
+                Ok(Ok(_)) => continue,
+                Ok(Err(error)) => anyhow::Error::from(error),
+                Err(panic) => anyhow::Error::from(panic),
+            };
+            return error.context("a worker of this process");
         }
         std::future::pending().await
     }

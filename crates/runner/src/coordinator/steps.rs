@@ -15,9 +15,9 @@ use stages::fitting::{self, ModelSummary};
 use stages::linear::LinearResponse;
 use stages::optima::Optimum;
 use stages::rounds::{self, Round};
-use stages::statistics::{Collector, Computed};
+use stages::statistics::{Collector, Outcome};
 use stages::{choosing, constraints, derived, designs, names, responses};
-use store::{Derivation, Derived, InfillRow, ModelRow, Store};
+use store::{Derivation, DerivedResult, InfillRow, ModelRow, Store};
 use tokio::sync::{Mutex, MutexGuard};
 use tracing::{debug, info, warn};
 
@@ -74,14 +74,14 @@ impl Steps {
             collector.finish()?
         };
         match computed {
-            Computed::Wants(wanting) => {
+            Outcome::Wants(wanting) => {
                 info!(
                     designs = wanting.len(),
                     "more samples, for a standard error below the precision"
                 );
                 Ok(Some(wanting))
             }
-            Computed::Responses(rows) => {
+            Outcome::Responses(rows) => {
                 info!(designs = rows.len(), "responses computed");
                 let derivation = derived::of_responses(inputs.to_owned(), &rows);
                 self.store.put_responses(&rows, &derivation).await?;
@@ -131,7 +131,7 @@ impl Steps {
             fitting::fit(&problem, &observed)
         })
         .await?;
-        let derivation = Derivation::new(&Derived::Model, inputs);
+        let derivation = Derivation::new(&DerivedResult::Model, inputs);
         let (model, summary) = match fitted {
             Ok((model, summary)) => (
                 model,
@@ -202,7 +202,7 @@ impl Steps {
         if let Some(stop) = &decision.stop {
             info!("{stop}");
         }
-        let derivation = Derivation::new(&Derived::Round(new.row.round), inputs);
+        let derivation = Derivation::new(&DerivedResult::Round(new.row.round), inputs);
         self.store.put_round(&new, &derivation).await?;
         Ok(())
     }
@@ -253,7 +253,7 @@ impl Steps {
     /// Why there is no model, if the fit has failed.
     async fn failed_fit(&self) -> anyhow::Result<Option<String>> {
         let mut derivations = self.store.derivations().await?;
-        let model = derivations.remove(&Derived::Model.name());
+        let model = derivations.remove(&DerivedResult::Model.name());
         Ok(model.and_then(|model| model.failure))
     }
 
@@ -301,10 +301,9 @@ impl Steps {
             }
             None => warn!(%approach, %note, "no feasible optimum"),
         }
-        let of = Derived::Optimum(names::verification(optimum.approach));
+        let of = DerivedResult::Optimum(names::verification(optimum.approach));
         let derivation = Derivation::new(&of, inputs);
-        let row = optimum.row(&self.problem)?;
-        self.store.put_optimum(&row, &derivation).await?;
+        self.store.put_optimum(&optimum.row(), &derivation).await?;
         Ok(())
     }
 

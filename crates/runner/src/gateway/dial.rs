@@ -12,11 +12,11 @@ pub trait Stream: AsyncRead + AsyncWrite + Send + Unpin + 'static {}
 
 impl<S: AsyncRead + AsyncWrite + Send + Unpin + 'static> Stream for S {}
 
-type Dialling = Pin<Box<dyn Future<Output = io::Result<Box<dyn Stream>>> + Send>>;
+type DialFuture = Pin<Box<dyn Future<Output = io::Result<Box<dyn Stream>>> + Send>>;
 
 /// A function that opens a connection.
 #[derive(Clone)]
-pub struct Dial(Arc<dyn Fn() -> Dialling + Send + Sync>);
+pub struct Dial(Arc<dyn Fn() -> DialFuture + Send + Sync>);
 
 impl fmt::Debug for Dial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -39,7 +39,7 @@ impl Dial {
     }
 
     /// Opens a connection.
-    pub(crate) fn open(&self) -> Dialling {
+    pub(crate) fn open(&self) -> DialFuture {
         (self.0)()
     }
 }

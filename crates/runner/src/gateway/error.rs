@@ -3,7 +3,8 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::protocol::{Refusal, exit};
+use crate::exit::{self, HasExitCode};
+use crate::protocol::Refusal;
 
 use crate::gateway::tls::TlsFault;
 
@@ -148,10 +149,10 @@ impl Error {
             }
         )
     }
+}
 
-    /// The exit code of a program that ends with this error.
-    #[must_use]
-    pub const fn exit_code(&self) -> u8 {
+impl HasExitCode for Error {
+    fn exit_code(&self) -> u8 {
         match self {
             Self::Unreachable { .. } | Self::Away { .. } | Self::NoAccess { .. } => {
                 exit::UNREACHABLE

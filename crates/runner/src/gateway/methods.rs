@@ -23,7 +23,7 @@ use crate::gateway::token::{Role, TOKEN_HEADER, TokenSet};
 
 /// The token that a caller must show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Needs {
+pub(crate) enum RequiredToken {
     /// No token.
     Nothing,
     /// A token of either role.
@@ -38,7 +38,7 @@ pub(crate) struct Rule {
     /// `/package.Service/Method`.
     pub(crate) path: &'static str,
     /// The token that a caller must show.
-    pub(crate) needs: Needs,
+    pub(crate) needs: RequiredToken,
     /// Maximum size of a request in bytes. For a stream of requests, the limit applies to their
     /// total.
     pub(crate) limit: usize,
@@ -51,13 +51,13 @@ const LIST: usize = 4 * 1024 * 1024;
 /// A request that carries jobs or results, framed.
 const LARGE: usize = MAX_MESSAGE_BYTES + 5;
 
-const fn rule(path: &'static str, needs: Needs, limit: usize) -> Rule {
+const fn rule(path: &'static str, needs: RequiredToken, limit: usize) -> Rule {
     Rule { path, needs, limit }
 }
 
 /// The rules of all methods.
 pub(crate) const RULES: [Rule; 13] = {
-    use Needs::{AnyToken, Nothing, Token};
+    use RequiredToken::{AnyToken, Nothing, Token};
     use Role::{Client, Worker};
     [
         rule("/pitchline.v1.Campaign/Register", Token(Worker), LARGE),
@@ -103,9 +103,9 @@ pub(crate) fn decide(
         return Ok(rule);
     };
     let wanted = match rule.needs {
-        Needs::Nothing => return Ok(rule),
-        Needs::AnyToken => None,
-        Needs::Token(role) => Some(role),
+        RequiredToken::Nothing => return Ok(rule),
+        RequiredToken::AnyToken => None,
+        RequiredToken::Token(role) => Some(role),
     };
     let Some(header) = header else {
         return Err(Refusal::Unknown
@@ -182,7 +182,7 @@ impl<S> PermissionService<S> {
             tokens,
         )?;
         if let Some(peer) = peer
-            && rule.needs != Needs::Nothing
+            && rule.needs != RequiredToken::Nothing
             && !peer.admit()
         {
             return Err(Status::resource_exhausted(
@@ -309,12 +309,12 @@ mod tests {
             };
             let of = |role| code(Some(&bearer(role)));
             let (none, worker, client) = match rule.needs {
-                Needs::Nothing => (Code::Ok, Code::Ok, Code::Ok),
-                Needs::AnyToken => (Code::Unauthenticated, Code::Ok, Code::Ok),
-                Needs::Token(Role::Worker) => {
+                RequiredToken::Nothing => (Code::Ok, Code::Ok, Code::Ok),
+                RequiredToken::AnyToken => (Code::Unauthenticated, Code::Ok, Code::Ok),
+                RequiredToken::Token(Role::Worker) => {
                     (Code::Unauthenticated, Code::Ok, Code::PermissionDenied)
                 }
-                Needs::Token(Role::Client) => {
+                RequiredToken::Token(Role::Client) => {
                     (Code::Unauthenticated, Code::PermissionDenied, Code::Ok)
                 }
             };
@@ -340,10 +340,10 @@ mod tests {
             RULES.iter().find(|rule| rule.path == path).unwrap().needs
         };
         for method in ["Register", "Lease", "Report", "Heartbeat", "Release"] {
-            assert_eq!(role(method), Needs::Token(Role::Worker), "{method}");
+            assert_eq!(role(method), RequiredToken::Token(Role::Worker), "{method}");
         }
         for method in ["Status", "Watch", "Explain", "Drain", "Retry"] {
-            assert_eq!(role(method), Needs::Token(Role::Client), "{method}");
+            assert_eq!(role(method), RequiredToken::Token(Role::Client), "{method}");
         }
     }
 

@@ -71,10 +71,10 @@ impl TryFrom<&v1::Unit> for Unit {
             v1::Kind::Run => Kind::Run,
             v1::Kind::Design => Kind::Design,
             v1::Kind::Point => Kind::Point,
-            v1::Kind::Unspecified => return malformed("names a unit of no kind"),
+            v1::Kind::Unspecified => return malformed("has a unit without a kind"),
         };
         let Some(end) = unit.first.checked_add(unit.count) else {
-            return malformed("names samples beyond the last one there can be");
+            return malformed("has a sample index above 2³² − 1");
         };
         Ok(Self {
             stream: StreamId {
@@ -152,7 +152,7 @@ impl v1::Lease {
             }
             let mut design = || match designs.next() {
                 Some(design) => Ok(Design::new(design.values.clone())),
-                None => malformed("has not a design for each of its units"),
+                None => malformed("lacks the design of a unit"),
             };
             let source = match unit.stream.kind {
                 Kind::Design => Source::Design(design()?),
@@ -160,10 +160,10 @@ impl v1::Lease {
                 Kind::Run => {
                     let (approach, start) = unit.stream.run_parts();
                     let Some(approach) = Approach::numbered(approach.into()) else {
-                        return malformed("names an approach that there is not");
+                        return malformed("names an unknown approach");
                     };
                     let Some(base) = &self.base else {
-                        return malformed("has no base of its run");
+                        return malformed("lacks the base of its run");
                     };
                     Source::Run(Run {
                         approach,
@@ -187,7 +187,7 @@ impl v1::Lease {
         let of_unit = || self.candidates.iter().filter(|one| one.unit == number);
         let evaluations = of_unit().map(|one| one.evaluation);
         if !evaluations.eq(unit.samples.clone()) {
-            return malformed("has not a candidate for each sample of its unit");
+            return malformed("lacks the candidate of a sample");
         }
         let candidates = of_unit().map(|one| {
             let Some(design) = &one.design else {
@@ -357,7 +357,7 @@ pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>),
         (Kind::Point, None, None) if result.responses.is_empty() => {
             Output::Samples(result.samples.clone())
         }
-        _ => return malformed("is not what its unit asks for"),
+        _ => return malformed("does not match its unit"),
     };
     let count = match &output {
         Output::Design { samples, .. } | Output::Samples(samples) => samples.len(),
@@ -366,7 +366,7 @@ pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>),
         Output::Evaluations(evaluated) => evaluated.len(),
     };
     if count != unit.samples.len() {
-        return malformed("has not as many samples as it says");
+        return malformed("has a sample count that differs from its range");
     }
     Ok((unit, Ok(output)))
 }

@@ -1,8 +1,7 @@
 //! The network protocol: generated gRPC code and its conversions.
 //!
-//! The messages are defined in `proto/pitchline/v1/pitchline.proto`. This crate compiles them and
-//! adds the other facts on which both sides must agree: size limits, the reasons for refusals, and
-//! the exit codes of the programs.
+//! The messages are defined in `proto/pitchline/v1/pitchline.proto`. This module adds the other facts
+//! on which both sides must agree: size limits and the reasons for refusals.
 
 /// Version 1 of the protocol, as generated from `proto/pitchline/v1`.
 #[expect(clippy::allow_attributes_without_reason, reason = "generated")]
@@ -19,7 +18,6 @@ pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/pitchli
 pub const MAX_MESSAGE_BYTES: usize = 64 * 1024 * 1024;
 
 mod convert;
-pub mod exit;
 mod refusal;
 
 pub use convert::{Malformed, lease, output, result, results};

@@ -3,18 +3,18 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::protocol::exit;
+use crate::exit::{self, HasExitCode};
 
 /// An error of a shard or a part.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The file cannot be read or written.
-    #[error("cannot use {}: {source}", path.display())]
+    #[error("cannot use {}: {reason}", path.display())]
     Io {
         /// The file.
         path: PathBuf,
         /// The reason.
-        source: io::Error,
+        reason: io::Error,
     },
     /// The file is not a shard.
     #[error("{} is not a shard of `coordinator plan`: {reason}", path.display())]
@@ -74,20 +74,20 @@ pub enum Error {
 }
 
 impl Error {
-    /// The exit code of a program that ends with this error.
-    #[must_use]
-    pub const fn exit_code(&self) -> u8 {
+    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
+        |reason| Self::Io {
+            path: path.to_owned(),
+            reason,
+        }
+    }
+}
+
+impl HasExitCode for Error {
+    fn exit_code(&self) -> u8 {
         match self {
             Self::Io { .. } | Self::OtherShard { .. } => exit::FILE_ACCESS,
             Self::Build { .. } => exit::REFUSED,
             Self::NotAShard { .. } | Self::NotAPart { .. } | Self::Damaged { .. } => exit::BAD_FILE,
-        }
-    }
-
-    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
-        |source| Self::Io {
-            path: path.to_owned(),
-            source,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The errors that end a worker.
 
-use crate::protocol::exit;
+use crate::exit::{self, HasExitCode};
 
 /// An error that ends a worker.
 #[derive(Debug, thiserror::Error)]
@@ -30,10 +30,8 @@ pub enum Error {
     },
 }
 
-impl Error {
-    /// The exit code of a program that ends with this error.
-    #[must_use]
-    pub const fn exit_code(&self) -> u8 {
+impl HasExitCode for Error {
+    fn exit_code(&self) -> u8 {
         match self {
             Self::Gateway(error) => error.exit_code(),
             Self::WrongSimulator { .. } => exit::REFUSED,

@@ -8,8 +8,8 @@
 
 mod ending;
 mod files;
-mod heard;
 mod messages;
+mod output;
 mod process;
 mod program;
 #[cfg(test)]
@@ -74,7 +74,7 @@ impl SimulatorArguments {
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
-    let seconds: f64 = text.parse().map_err(|_| "no number".to_owned())?;
+    let seconds: f64 = text.parse().map_err(|_| "it must be a number".to_owned())?;
     // A timeout of more than a century has no effect and overflows clocks.
     if seconds > 0.0 && seconds < 3e9 {
         Ok(Duration::from_secs_f64(seconds))

@@ -81,7 +81,7 @@ pub struct Worker {
 }
 
 /// The state shared by all tasks of a worker.
-struct Shared {
+struct SharedState {
     options: Options,
     connection: Link,
     worker_id: String,
@@ -142,7 +142,7 @@ impl Worker {
         let stop = CancellationToken::new();
         let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
         let files = Files::new(self.options.undelivered.clone());
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(SharedState {
             worker_id: format!("{:032x}", rand::random::<u128>()),
             options: self.options,
             connection: self.connection,
@@ -182,7 +182,7 @@ impl Worker {
             },
             () = shutdown.cancelled() => Ok(End::Stopped),
             () = after(shared.options.max_runtime) => {
-                info!("the time is up: draining");
+                info!("the maximum runtime is over: draining");
                 Ok(End::Stopped)
             }
             () = shared.idle() => {
@@ -245,7 +245,7 @@ enum End {
     Dismissed,
 }
 
-impl Shared {
+impl SharedState {
     /// Records the interval between heartbeats that the coordinator named. Zero changes nothing.
     fn set_heartbeat(&self, milliseconds: u32) {
         let period = Duration::from_millis(milliseconds.max(10).into());
@@ -266,7 +266,7 @@ impl Shared {
             .registered()
             .is_some_and(|registered| self.files.keep(&registered, &self.worker_id, results));
         if !is_kept && lost > 0 {
-            warn!(lost, "leaving with results that nobody acknowledged");
+            warn!(lost, "leaving with unacknowledged results");
         }
     }
 

@@ -389,7 +389,7 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     let late = bench.answer(&old);
     // As the engine does when the model is fitted again.
     bench.board.forget(|id| id == stream);
-    let removed = store::Derived::Verification(stream);
+    let removed = store::DerivedResult::Verification(stream);
     bench.store.remove(&[removed]).await.unwrap();
     bench.report("old", late.clone()).await;
     assert!(bench.store.values_of(stream).await.unwrap().is_empty());

@@ -220,7 +220,7 @@ fn samples_of_another_design_are_removed() {
     let other = world.problem.base().clone();
     world.verified.insert(Approach::Kriging, (other, 4));
     world.load();
-    let expected = [Derived::Verification(names::verification(
+    let expected = [DerivedResult::Verification(names::verification(
         Approach::Kriging,
     ))];
     assert_eq!(world.next().outdated, expected);
@@ -250,9 +250,9 @@ fn an_extension_keeps_what_does_not_depend_on_the_doe() {
     larger.doe.designs = 15;
     world.extend(larger);
     let next = world.next();
-    assert!(next.outdated.contains(&Derived::Model));
+    assert!(next.outdated.contains(&DerivedResult::Model));
     let is_kept = |approach: Approach| {
-        let optimum = Derived::Optimum(names::verification(approach));
+        let optimum = DerivedResult::Optimum(names::verification(approach));
         !next.outdated.contains(&optimum)
     };
     assert!(is_kept(Approach::Nominal) && !is_kept(Approach::Kriging));

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use ledger::StreamId;
 use store::{
-    Batch, Derived, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, SampleBlock, Store,
+    Batch, DerivedResult, Error, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow, SampleBlock,
+    Store,
 };
 
 use crate::rounds::{new_round, round};
@@ -297,7 +298,7 @@ async fn with_every_row(path: &Path) {
         lilliefors_p: None,
     };
     store
-        .put_responses(&[response], &from(&Derived::Responses))
+        .put_responses(&[response], &from(&DerivedResult::Responses))
         .await
         .unwrap();
     let model = ModelRow {
@@ -306,18 +307,19 @@ async fn with_every_row(path: &Path) {
         summary_json: "{}".into(),
     };
     store
-        .put_model(Some(&model), &from(&Derived::Model))
+        .put_model(Some(&model), &from(&DerivedResult::Model))
         .await
         .unwrap();
     let optimum = OptimumRow {
         stream: StreamId::point(3),
-        x_json: "{\"x_p\":0.5}".into(),
-        criterion: 0.75,
+        reason: None,
+        x: Some(vec![0.5, -0.25]),
+        criterion: Some(0.75),
+        criteria: Some(vec![1.5]),
         feasible: true,
-        criteria_json: "{}".into(),
         simulator_calls: 1200,
         cpu_seconds: 9.25,
-        note: String::new(),
+        note: "at the upper bound of x_p".into(),
     };
     store
         .put_optimum(&optimum, &optimum_of(&optimum))
@@ -391,8 +393,13 @@ async fn an_edited_row_of_any_table_is_named() {
         ("optimum", "point-3", "UPDATE optimum SET criterion = 0.7"),
         (
             "optimum",
+            "point-3",
+            "UPDATE optimum SET x = x'000000000000e03f'",
+        ),
+        (
+            "optimum",
             "point-4",
-            "INSERT INTO optimum SELECT stream + 1, x_json, criterion, feasible, criteria_json,
+            "INSERT INTO optimum SELECT stream + 1, reason, x, criterion, criteria, feasible,
                 simulator_calls, cpu_seconds, note, seal FROM optimum",
         ),
         (
@@ -526,7 +533,7 @@ async fn a_bit_that_flipped_in_text_is_found() {
     for (text, table, row) in [
         ("{\"theta\":[1.5,0.25]}", "model", "name \"doe\""),
         ("{\"best\":[1.5,2.5]}", "optimiser_run", "run-3-3"),
-        ("{\"x_p\":0.5}", "optimum", "point-3"),
+        ("at the upper bound of x_p", "optimum", "point-3"),
         ("# a campaign", "campaign", "one 1"),
     ] {
         let at = whole
@@ -550,7 +557,7 @@ async fn rows_that_the_program_changes_stay_sound() {
     with_every_row(&path).await;
     let store = open(&path).await;
     let mut optimum = store.optima().await.unwrap().remove(0);
-    optimum.criterion = -0.0;
+    optimum.criterion = Some(-0.0);
     store
         .put_optimum(&optimum, &optimum_of(&optimum))
         .await

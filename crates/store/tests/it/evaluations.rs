@@ -1,7 +1,7 @@
 //! Evaluations of optimiser runs on an external simulator.
 
 use ledger::StreamId;
-use store::{Batch, Derived, Error, EvaluationRow, Store};
+use store::{Batch, DerivedResult, Error, EvaluationRow, Store};
 
 use crate::{execute, folder, open};
 
@@ -102,9 +102,9 @@ async fn evaluations_of_one_generation_stay_when_the_next_is_wanted() {
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), []);
     want(&store, 3).await;
     put(&store, 3, first()).await.unwrap();
-    store.remove(&[Derived::Run(OTHER)]).await.unwrap();
+    store.remove(&[DerivedResult::Run(OTHER)]).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), first());
-    store.remove(&[Derived::Run(RUN)]).await.unwrap();
+    store.remove(&[DerivedResult::Run(RUN)]).await.unwrap();
     assert_eq!(store.evaluations(RUN, 0).await.unwrap(), []);
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use ledger::StreamId;
 use store::{
-    Batch, CampaignRow, Derived, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
+    Batch, CampaignRow, DerivedResult, Error, MissingWork, ModelRow, OptimiserRunRow, OptimumRow,
     ResponseRow, SampleBlock, Store,
 };
 
@@ -59,7 +59,7 @@ async fn finished(store: &Store) {
         lilliefors_p: None,
     };
     store
-        .put_responses(&[response], &from(&Derived::Responses))
+        .put_responses(&[response], &from(&DerivedResult::Responses))
         .await
         .unwrap();
     let model = ModelRow {
@@ -68,16 +68,17 @@ async fn finished(store: &Store) {
         summary_json: "{}".into(),
     };
     store
-        .put_model(Some(&model), &from(&Derived::Model))
+        .put_model(Some(&model), &from(&DerivedResult::Model))
         .await
         .unwrap();
     for approach in [OTHER_OPTIMUM, OPTIMUM] {
         let optimum = OptimumRow {
             stream: approach,
-            x_json: "{}".into(),
-            criterion: 1.0,
+            reason: None,
+            x: Some(vec![0.5]),
+            criterion: Some(1.0),
+            criteria: Some(Vec::new()),
             feasible: true,
-            criteria_json: "{}".into(),
             simulator_calls: 1,
             cpu_seconds: 1.0,
             note: String::new(),
@@ -188,9 +189,9 @@ async fn results_are_removed_one_by_one() {
     finished(&store).await;
     let digest = store.samples_digest().await.unwrap();
     let outdated = [
-        Derived::Model,
-        Derived::Run(RUN),
-        Derived::Optimum(OTHER_OPTIMUM),
+        DerivedResult::Model,
+        DerivedResult::Run(RUN),
+        DerivedResult::Optimum(OTHER_OPTIMUM),
     ];
     store.remove(&outdated).await.unwrap();
     assert_eq!(store.models().await.unwrap(), []);
@@ -204,7 +205,7 @@ async fn results_are_removed_one_by_one() {
     assert_eq!(store.samples_digest().await.unwrap(), digest);
     assert_eq!(store.responses().await.unwrap().len(), 1);
 
-    let samples = [Derived::Samples, Derived::Verification(POINT)];
+    let samples = [DerivedResult::Samples, DerivedResult::Verification(POINT)];
     store.remove(&samples).await.unwrap();
     assert_eq!(store.samples_digest().await.unwrap(), "0".repeat(64));
     let progress = store.progress().await.unwrap();

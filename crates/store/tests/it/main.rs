@@ -18,7 +18,8 @@ use ledger::StreamId;
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use store::{
-    Batch, CampaignRow, CriteriaRow, Derivation, Derived, DesignRow, OptimumRow, SampleBlock, Store,
+    Batch, CampaignRow, CriteriaRow, Derivation, DerivedResult, DesignRow, OptimumRow, SampleBlock,
+    Store,
 };
 use tempfile::TempDir;
 
@@ -53,12 +54,12 @@ async fn store_with(path: &Path, designs: u64) -> Store {
 }
 
 /// The derivation of a result from some inputs.
-fn from(of: &Derived) -> Derivation {
+fn from(of: &DerivedResult) -> Derivation {
     Derivation::new(of, "0123")
 }
 
 fn optimum_of(row: &OptimumRow) -> Derivation {
-    from(&Derived::Optimum(row.stream))
+    from(&DerivedResult::Optimum(row.stream))
 }
 
 fn design(design: u64) -> DesignRow {

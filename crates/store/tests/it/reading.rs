@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ledger::StreamId;
 use sha2::{Digest as _, Sha256};
 use store::{
-    Batch, Derived, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork,
+    Batch, DerivedResult, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork,
     ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, SampleBlock, Store,
 };
 
@@ -97,10 +97,11 @@ async fn every_table_gives_back_what_was_put() {
     };
     let optimum = OptimumRow {
         stream: StreamId::point(2),
-        x_json: "{\"x_p\":0.5}".into(),
-        criterion: 0.8,
+        reason: None,
+        x: Some(vec![0.5, -0.25]),
+        criterion: Some(0.8),
+        criteria: Some(vec![1.5]),
         feasible: true,
-        criteria_json: "{}".into(),
         simulator_calls: 12_000,
         cpu_seconds: 9.25,
         note: "at a bound".into(),
@@ -117,11 +118,11 @@ async fn every_table_gives_back_what_was_put() {
         }
     );
     store
-        .put_responses(&responses, &from(&Derived::Responses))
+        .put_responses(&responses, &from(&DerivedResult::Responses))
         .await
         .unwrap();
     store
-        .put_model(Some(&model), &from(&Derived::Model))
+        .put_model(Some(&model), &from(&DerivedResult::Model))
         .await
         .unwrap();
     store
@@ -190,7 +191,7 @@ async fn stages_run_again_replace_their_results() {
             lilliefors_p: None,
         };
         store
-            .put_responses(&[response], &from(&Derived::Responses))
+            .put_responses(&[response], &from(&DerivedResult::Responses))
             .await
             .unwrap();
         assert_eq!(store.responses().await.unwrap(), [response]);
@@ -200,7 +201,7 @@ async fn stages_run_again_replace_their_results() {
             summary_json: "{}".into(),
         };
         store
-            .put_model(Some(&model), &from(&Derived::Model))
+            .put_model(Some(&model), &from(&DerivedResult::Model))
             .await
             .unwrap();
         assert_eq!(store.models().await.unwrap(), [model]);

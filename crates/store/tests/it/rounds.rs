@@ -2,8 +2,8 @@
 
 use ledger::StreamId;
 use store::{
-    Derivation, Derived, Error, InfillRow, ModelRow, NewRound, RoundRow, SampleBlock, Store,
-    Unsampled,
+    Derivation, DerivedResult, Error, InfillRow, ModelRow, NewRound, RoundRow, SampleBlock, Store,
+    UnsampledPoint,
 };
 
 use crate::{POINT, folder, from, open, samples, store_with};
@@ -22,8 +22,8 @@ fn point(infill: u64, round: u64) -> InfillRow {
     }
 }
 
-fn unsampled(infill: u64) -> Unsampled {
-    Unsampled {
+fn unsampled(infill: u64) -> UnsampledPoint {
+    UnsampledPoint {
         infill,
         violation: 0.25 * infill as f64,
     }
@@ -55,7 +55,7 @@ pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
 
 /// The derivation of a round.
 pub(crate) fn round(round: u64) -> Derivation {
-    from(&Derived::Round(round))
+    from(&DerivedResult::Round(round))
 }
 
 async fn sampled(store: &Store, points: &[StreamId]) {
@@ -145,7 +145,7 @@ async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
     sampled(&store, &[kept, gone, POINT]).await;
     let generations = [kept, gone].map(|stream| (stream, 7));
     store.put_generations(&generations).await.unwrap();
-    store.remove(&[Derived::Round(1)]).await.unwrap();
+    store.remove(&[DerivedResult::Round(1)]).await.unwrap();
     assert_eq!(store.rounds().await.unwrap(), [first.row]);
     assert_eq!(store.models().await.unwrap(), []);
     let points = store.infill().await.unwrap();
@@ -167,7 +167,7 @@ async fn a_round_that_is_removed_leaves_the_one_before_as_it_was_sampled() {
         .await
         .unwrap();
     store
-        .remove(&[Derived::Round(1), Derived::Round(0)])
+        .remove(&[DerivedResult::Round(1), DerivedResult::Round(0)])
         .await
         .unwrap();
     assert_eq!(store.infill().await.unwrap(), []);

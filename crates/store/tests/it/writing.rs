@@ -5,7 +5,8 @@ use std::path::Path;
 
 use ledger::StreamId;
 use store::{
-    Batch, Derived, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt, Store,
+    Batch, DerivedResult, Error, FailureKind, FailureRow, JobTimeRow, OptimiserRunRow, Receipt,
+    Store,
 };
 
 use crate::{
@@ -575,7 +576,7 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
     assert_eq!(held().await, [0.0; 0]);
     assert_eq!(submit(0, 1).await, (0, true));
     assert_eq!(submit(0, 2).await, (1, false));
-    let removed = Derived::Verification(POINT);
+    let removed = DerivedResult::Verification(POINT);
     store.remove(&[removed]).await.unwrap();
     assert_eq!(submit(1, 2).await, (0, true), "it was cleared");
     assert_eq!(held().await, [0.0; 0]);

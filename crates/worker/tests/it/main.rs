@@ -14,7 +14,7 @@ fn help_lists_every_exit_code() {
     let output = worker(&["--help"]);
     assert!(output.status.success());
     let help = String::from_utf8(output.stdout).unwrap();
-    for (code, meaning) in runner::protocol::exit::TABLE {
+    for (code, meaning) in runner::exit::TABLE {
         // Long lines are wrapped at the terminal's width, so only the first words are compared.
         let words: Vec<&str> = meaning.split(' ').take(3).collect();
         let line = format!("{code:>2}  {}", words.join(" "));
@@ -28,7 +28,7 @@ fn an_address_that_is_none_is_a_usage_error() {
         let output = worker(&["--connect", address]);
         assert_eq!(
             output.status.code(),
-            Some(i32::from(runner::protocol::exit::USAGE)),
+            Some(i32::from(runner::exit::USAGE)),
             "{address}"
         );
         let message = String::from_utf8(output.stderr).unwrap();
@@ -42,8 +42,5 @@ fn an_address_that_is_none_is_a_usage_error() {
 #[test]
 fn no_slots_are_a_usage_error() {
     let output = worker(&["--connect", "127.0.0.1:1", "--slots", "0"]);
-    assert_eq!(
-        output.status.code(),
-        Some(i32::from(runner::protocol::exit::USAGE))
-    );
+    assert_eq!(output.status.code(), Some(i32::from(runner::exit::USAGE)));
 }

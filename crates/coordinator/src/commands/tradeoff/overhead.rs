@@ -19,6 +19,7 @@ use runner::coordinator::compute::thread_seconds;
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::recorder::StoreRecorder;
 use runner::coordinator::service::Service;
+use runner::exit::{self, ProgramError};
 use runner::gateway::port::{self, Listeners};
 use runner::worker::Exec;
 use serde_json::{Value, json};
@@ -56,7 +57,7 @@ probe_designs = 0
 "#;
 
 /// Runs the program of [`SLEEPING`]: answers requests until standard input ends.
-pub(crate) fn sleep_program(seconds: f64) -> anyhow::Result<()> {
+pub(crate) fn sleep_program(seconds: f64) -> Result<u8, ProgramError> {
     let mut out = std::io::stdout().lock();
     for line in std::io::stdin().lock().lines() {
         let request: Value = serde_json::from_str(&line?)?;
@@ -73,7 +74,7 @@ pub(crate) fn sleep_program(seconds: f64) -> anyhow::Result<()> {
         writeln!(out, "{answer}")?;
         out.flush()?;
     }
-    Ok(())
+    Ok(exit::OK)
 }
 
 /// The runs for the studies of a campaign, with stores in its folder.

@@ -80,7 +80,7 @@ pub(super) fn all_of(grant: &Grant<()>) -> Delivery {
 }
 
 pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
-    let failed = grant.units.iter().map(|(unit, ())| ledger::Failed {
+    let failed = grant.units.iter().map(|(unit, ())| ledger::FailureReport {
         stream: unit.stream,
         sample: Some(unit.samples.start),
         error: "no load path".to_owned(),

@@ -15,8 +15,8 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::heard::Line;
 use super::messages::{Numbers, PROTOCOL, number};
+use super::output::Line;
 use super::process::Process;
 
 /// The name of a sample's seed in a template.

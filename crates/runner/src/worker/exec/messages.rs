@@ -7,7 +7,7 @@ use campaign::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Deserializer, Map, Value, json};
 
-use super::heard::Line;
+use super::output::Line;
 
 /// The version of the protocol, which both sides name at the start.
 pub(super) const PROTOCOL: u32 = 2;
@@ -146,7 +146,7 @@ pub(super) fn check(numbers: &Numbers, wanted: &[&str], others: &[&str]) -> Resu
     let is_unknown = |name: &&String| !others.contains(&name.as_str());
     if let Some(name) = numbers.keys().find(is_unknown) {
         return Err(format!(
-            "it has {name:?}, which is none of the campaign's names: {}",
+            "it has {name:?}, which is not one of the campaign's names: {}",
             others.join(", ")
         ));
     }
@@ -281,7 +281,7 @@ impl Description {
         if self.protocol != PROTOCOL {
             let theirs = self.protocol;
             return Err(format!(
-                "it speaks protocol {theirs}, and this program protocol {PROTOCOL}"
+                "it uses protocol {theirs}, this program uses protocol {PROTOCOL}"
             ));
         }
         let variables = problem.variables().iter();
@@ -305,7 +305,7 @@ fn agree(what: &str, ours: &Vec<&str>, theirs: Option<&[String]>) -> Result<(), 
     let knows = theirs.iter().find(|name| !ours.contains(&name.as_str()));
     let difference = match (lacks, knows) {
         (Some(name), _) => format!("does not know {name:?} of the campaign"),
-        (None, Some(name)) => format!("knows {name:?}, which the campaign has not"),
+        (None, Some(name)) => format!("knows {name:?}, which the campaign does not have"),
         (None, None) => return Ok(()),
     };
     Err(format!(
@@ -383,7 +383,7 @@ mod tests {
             ),
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
-                "\"mood\", which is none of the campaign's names",
+                "\"mood\", which is not one of the campaign's names",
             ),
             (r#"{"id": 7, "refused": "no"}"#, "a short name"),
             (r#"{"id": 7, "refused": 3}"#, "must be text"),

@@ -22,7 +22,7 @@ use rustix::process::{Pid, Signal};
 use tracing::warn;
 
 use super::ending::{self, AFTER_INPUT, AFTER_TERM, GUARD};
-use super::heard::{ForeignOutput, Line, Tail, malformed, quote};
+use super::output::{ForeignOutput, Line, Tail, malformed, quote};
 
 /// Maximum size of the output up to an answer, in bytes, the answer included.
 const MAX_OUTPUT: usize = 16 * 1024 * 1024;
@@ -180,7 +180,7 @@ impl Process {
                     "wrote more than {MAX_OUTPUT} bytes to its standard output without an answer"
                 ),
                 Silence::Malformed(line, reason) => malformed(&line, &reason),
-                Silence::System(error) => format!("cannot be talked to: {error}"),
+                Silence::System(error) => format!("cannot be read or written: {error}"),
             };
             let skipped = self.skipped.told();
             self.obituary(&format!("{why}{skipped}"), line)

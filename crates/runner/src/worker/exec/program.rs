@@ -82,7 +82,7 @@ impl Program {
     pub(super) fn refute(&mut self, answer: &str, reason: &str) -> String {
         match &mut self.kind {
             Kind::Lines(process) => process.refute(answer, reason, &self.line),
-            Kind::Files(_) => format!("the simulator's results make no sense: {reason}"),
+            Kind::Files(_) => format!("the simulator's results cannot be used: {reason}"),
         }
     }
 }

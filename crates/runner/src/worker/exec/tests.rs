@@ -8,6 +8,7 @@ use campaign::task::{Output, Run, Source, compute, compute_until};
 use ledger::{Generation, StreamId, Unit};
 
 use super::*;
+use crate::exit::HasExitCode as _;
 
 mod ends;
 mod other_output;
@@ -172,7 +173,7 @@ fn the_digest_tells_programs_apart() {
         .model_digest(&problem())
         .unwrap_err()
         .to_string();
-    assert!(error.contains("speaks protocol 1"), "{error}");
+    assert!(error.contains("uses protocol 1"), "{error}");
 }
 
 #[test]
@@ -411,7 +412,7 @@ fn a_simulator_that_the_campaign_does_not_want_is_refused() {
     let missing = Backend::choose(&problem(), None).unwrap_err();
     assert!(missing.to_string().contains("--exec 'CMD'"), "{missing}");
     for error in [unwanted, missing] {
-        assert_eq!(error.exit_code(), crate::protocol::exit::REFUSED);
+        assert_eq!(error.exit_code(), crate::exit::REFUSED);
     }
 }
 

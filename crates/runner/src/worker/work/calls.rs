@@ -18,7 +18,7 @@ use tracing::{debug, warn};
 
 use super::contact::SILENCE;
 use super::registering::Registration;
-use super::{CALL_TIMEOUT, End, Shared};
+use super::{CALL_TIMEOUT, End, SharedState};
 use crate::worker::backoff::Backoff;
 use crate::worker::error::Error;
 use crate::worker::held::Lease;
@@ -46,7 +46,7 @@ const FEWEST_BYTES: usize = 1 << 14;
 const SLOWEST_LINE: f64 = 1e4;
 
 /// Requests leases and starts them on the compute threads.
-pub(super) async fn lease(shared: Arc<Shared>, pool: rayon::ThreadPool) -> Result<End, Error> {
+pub(super) async fn lease(shared: Arc<SharedState>, pool: rayon::ThreadPool) -> Result<End, Error> {
     let slots = shared.options.slots.max(1);
     let mut backoff = Backoff::new();
     let mut client = shared.connection.client();
@@ -127,8 +127,8 @@ fn thread_seconds() -> f64 {
 }
 
 /// The state of a compute thread for its current unit.
-struct Computing<'a> {
-    shared: &'a Shared,
+struct UnitComputation<'a> {
+    shared: &'a SharedState,
     lease: &'a Lease,
     unit: &'a Unit,
     cancelled: &'a AtomicBool,
@@ -146,7 +146,7 @@ struct Computing<'a> {
     left: Cell<u32>,
 }
 
-impl Computing<'_> {
+impl UnitComputation<'_> {
     /// Whether to continue with the next sample. The finished part is kept at intervals, because
     /// the next sample may take longer than the worker lives.
     fn go_on(&self, so_far: &dyn Fn() -> Option<Output>) -> bool {
@@ -185,7 +185,7 @@ impl Computing<'_> {
 
 /// Computes a lease on a compute thread, unit by unit, so that a unit that fails does not fail the
 /// others.
-fn compute(shared: &Shared, lease: &Lease) {
+fn compute(shared: &SharedState, lease: &Lease) {
     let Some(cancelled) = shared.held.start(lease.id) else {
         return;
     };
@@ -202,7 +202,7 @@ fn compute(shared: &Shared, lease: &Lease) {
             if is_stopped {
                 break;
             }
-            let computing = Computing {
+            let computation = UnitComputation {
                 shared,
                 lease,
                 unit,
@@ -215,7 +215,7 @@ fn compute(shared: &Shared, lease: &Lease) {
                 stride: Cell::new(1),
                 left: Cell::new(1),
             };
-            for result in attempt(&registered, &computing, source) {
+            for result in attempt(&registered, &computation, source) {
                 shared
                     .held
                     .add(lease.id, result, began.elapsed().as_secs_f64());
@@ -228,11 +228,11 @@ fn compute(shared: &Shared, lease: &Lease) {
 /// Computes a unit. Returns nothing if the unit was stopped before it had a result.
 fn attempt(
     registered: &Registration,
-    computing: &Computing<'_>,
+    computation: &UnitComputation<'_>,
     source: &Source,
 ) -> Vec<UnitResult> {
-    let Computing { shared, unit, .. } = computing;
-    let go_on = |so_far: &dyn Fn() -> Option<Output>| computing.go_on(so_far);
+    let UnitComputation { shared, unit, .. } = computation;
+    let go_on = |so_far: &dyn Fn() -> Option<Output>| computation.go_on(so_far);
     let backend = &registered.backend;
     let guarded = std::panic::AssertUnwindSafe(|| {
         backend.with(&registered.problem, |simulator| {
@@ -248,20 +248,20 @@ fn attempt(
         (Outcome::from(Failure { sample, error }), 0.0)
     });
     // The time of an external program is not CPU time of this thread.
-    let cpu_seconds = thread_seconds() - computing.before + program_seconds;
+    let cpu_seconds = thread_seconds() - computation.before + program_seconds;
     if let Some(Failure { error, .. }) = &computed.failure {
         if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
             // The request to leave has ended the program as well.
             computed.failure = None;
             return crate::protocol::results(unit, &computed, cpu_seconds);
         }
-        warn!(stream = %unit.stream, lease = %computing.lease.id, %error, "a failure");
+        warn!(stream = %unit.stream, lease = %computation.lease.id, %error, "a failure");
     }
     crate::protocol::results(unit, &computed, cpu_seconds)
 }
 
 /// Reports results until they are acknowledged.
-pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
+pub(super) async fn report(shared: Arc<SharedState>, stop: CancellationToken) {
     let mut backoff = Backoff::new();
     let mut client = shared.connection.client();
     let mut attempts_after_stop = 0;
@@ -331,7 +331,7 @@ pub(super) async fn report(shared: Arc<Shared>, stop: CancellationToken) {
 /// A thread that waits for the next heartbeat.
 pub(super) type Announcement = std::sync::mpsc::SyncSender<()>;
 
-impl Shared {
+impl SharedState {
     /// Has a heartbeat sent at once and waits until that call has ended, at most for
     /// [`ANNOUNCE_TIMEOUT`].
     fn announce(&self) {
@@ -360,7 +360,7 @@ impl Shared {
 /// Sends heartbeats and follows the directives in the responses. Continues while the worker leaves:
 /// until then the leases are its own.
 pub(super) async fn heartbeat(
-    shared: Arc<Shared>,
+    shared: Arc<SharedState>,
     mut announcements: UnboundedReceiver<Announcement>,
 ) -> Result<End, Error> {
     let mut client = shared.connection.client();

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{info, warn};
 
-use super::Shared;
+use super::SharedState;
 use crate::worker::error::Error;
 
 /// How long the coordinator may be away before the worker says so and writes its results to a file.
@@ -42,7 +42,7 @@ impl Contact {
     }
 }
 
-impl Shared {
+impl SharedState {
     /// Waits until the coordinator has been away for the time limit of the options. Time in which
     /// jobs are computed does not count: their results will be wanted.
     pub(super) async fn away(&self) -> Error {

@@ -10,7 +10,7 @@ use campaign::formulation::Problem;
 use tracing::{debug, info, warn};
 
 use super::contact::SILENCE;
-use super::{CALL_TIMEOUT, Shared};
+use super::{CALL_TIMEOUT, SharedState};
 use crate::worker::backoff::Backoff;
 use crate::worker::error::Error;
 use crate::worker::exec::Backend;
@@ -26,7 +26,7 @@ pub(super) struct Registration {
     pub(super) model_digest: String,
 }
 
-impl Shared {
+impl SharedState {
     /// Registers. Repeats the call until it succeeds, the `first` time for a limited time.
     pub(super) async fn register(&self, first: bool) -> Result<Arc<Registration>, Error> {
         let options = &self.options;
@@ -138,11 +138,11 @@ impl Shared {
         };
         // If the worker is asked to leave meanwhile, this wait is dropped. The guard then ends the
         // program.
-        let unwatched = Unwatched(Some(Arc::clone(&backend)));
+        let guard = BackendGuard(Some(Arc::clone(&backend)));
         let model_digest = questions.await.map_err(|error| Error::Program {
             reason: error.to_string(),
         })??;
-        unwatched.keep();
+        guard.keep();
         Ok((problem, backend, model_digest))
     }
 
@@ -172,15 +172,15 @@ impl Shared {
 }
 
 /// Ends an external program unless it is kept.
-struct Unwatched(Option<Arc<Backend>>);
+struct BackendGuard(Option<Arc<Backend>>);
 
-impl Unwatched {
+impl BackendGuard {
     fn keep(mut self) {
         self.0 = None;
     }
 }
 
-impl Drop for Unwatched {
+impl Drop for BackendGuard {
     fn drop(&mut self) {
         if let Some(backend) = &self.0 {
             backend.stop();

@@ -226,7 +226,7 @@ impl World {
 
     pub(super) fn extend(&mut self, larger: Campaign) {
         self.problem = Problem::new(larger);
-        self.remove(&Derived::Responses);
+        self.remove(&DerivedResult::Responses);
         self.load();
     }
 
@@ -238,28 +238,28 @@ impl World {
         assert_eq!(self.rounds, undisturbed.rounds, "seed {:#x}", self.seed);
     }
 
-    fn remove(&mut self, result: &Derived) {
+    fn remove(&mut self, result: &DerivedResult) {
         self.state.derivations.remove(&result.name());
         match result {
-            Derived::Samples => self.sampled.clear(),
-            Derived::Responses => {}
-            Derived::Model => self.state.model = None,
-            Derived::Run(stream) => {
+            DerivedResult::Samples => self.sampled.clear(),
+            DerivedResult::Responses => {}
+            DerivedResult::Model => self.state.model = None,
+            DerivedResult::Run(stream) => {
                 let run = names::approach_and_start(*stream).unwrap();
                 self.state.runs.remove(&run);
             }
-            Derived::Round(round) => {
+            DerivedResult::Round(round) => {
                 assert_eq!(self.rounds.len() as u64, round + 1, "the last round first");
                 self.rounds.pop();
                 for point in self.rounds.last_mut().into_iter().flatten() {
                     point.has_failed = false;
                 }
             }
-            Derived::Optimum(stream) => {
+            DerivedResult::Optimum(stream) => {
                 let is_it = |approach: &Approach| names::verification(*approach) == *stream;
                 self.state.optima.retain(|held, _| !is_it(held));
             }
-            Derived::Verification(stream) => {
+            DerivedResult::Verification(stream) => {
                 let is_it = |approach: &Approach| names::verification(*approach) == *stream;
                 self.verified.retain(|held, _| !is_it(held));
             }
@@ -267,19 +267,20 @@ impl World {
     }
 
     fn perform(&mut self, step: LocalStep, inputs: &str) {
-        let mut derivation = |of: Derived, output: Option<String>, failure: Option<String>| {
-            let derivation = Derivation {
-                output,
-                failure,
-                ..Derivation::new(&of, inputs)
+        let mut derivation =
+            |of: DerivedResult, output: Option<String>, failure: Option<String>| {
+                let derivation = Derivation {
+                    output,
+                    failure,
+                    ..Derivation::new(&of, inputs)
+                };
+                self.state.derivations.insert(of.name(), derivation);
             };
-            self.state.derivations.insert(of.name(), derivation);
-        };
         match step {
             LocalStep::Doe => self.state.designs = self.problem.campaign().doe.designs as usize,
             LocalStep::Statistics => {
                 derivation(
-                    Derived::Responses,
+                    DerivedResult::Responses,
                     Some(format!("{:?}", self.sampled)),
                     None,
                 );
@@ -289,12 +290,12 @@ impl World {
                 let model = failure
                     .is_none()
                     .then(|| format!("model of {inputs}").into());
-                derivation(Derived::Model, None, failure);
+                derivation(DerivedResult::Model, None, failure);
                 self.state.model = model;
             }
             LocalStep::Enrich => {
                 let round = self.rounds.len();
-                derivation(Derived::Round(round as u64), None, None);
+                derivation(DerivedResult::Round(round as u64), None, None);
                 let mut has_failed = round > 1;
                 for points in self.rounds.iter().rev().take(2) {
                     has_failed &= points.iter().all(|point| !point.is_sampled);
@@ -317,8 +318,12 @@ impl World {
                 self.rounds.push(points.map(point).collect());
             }
             LocalStep::Choose(approach) => {
-                derivation(Derived::Optimum(names::verification(approach)), None, None);
-                let model = self.state.derivations.get(&Derived::Model.name());
+                derivation(
+                    DerivedResult::Optimum(names::verification(approach)),
+                    None,
+                    None,
+                );
+                let model = self.state.derivations.get(&DerivedResult::Model.name());
                 let has_failed = model.is_some_and(|model| model.failure.is_some());
                 let is_none = approach == Approach::Kriging && has_failed;
                 let values = [(hash(inputs) % 1000) as f64 / 1000.0; 6];
@@ -347,7 +352,7 @@ impl World {
                 let run = next.runs.iter().find(|run| run.stream() == stream).unwrap();
                 let source = campaign::task::Source::Run(run.clone());
                 let inputs = generation_inputs(self.inputs.generation(stream, &source));
-                let of = Derived::Run(run.stream());
+                let of = DerivedResult::Run(run.stream());
                 let derivation = Derivation {
                     output: Some(format!("result of {inputs}")),
                     ..Derivation::new(&of, inputs)

@@ -149,7 +149,7 @@ fn a_command_may_end_before_it_is_waited_for() {
     let stop = Arc::new(AtomicBool::new(false));
     let mut process = process::Process::start("echo 0", stop).unwrap();
     eventually("its end", || process.has_ended());
-    let read = |line: &[u8]| heard::Line::Answer(line.to_vec(), true);
+    let read = |line: &[u8]| output::Line::Answer(line.to_vec(), true);
     let status = process.ask("", Duration::from_secs(5), &read);
     assert_eq!(status, Ok(b"0".to_vec()));
 }

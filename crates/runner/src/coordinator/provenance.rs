@@ -4,7 +4,7 @@ use std::time::SystemTime;
 
 /// (label, value) pairs for [`results::reporting::write`].
 #[must_use]
-pub fn made() -> Vec<(String, String)> {
+pub fn labels() -> Vec<(String, String)> {
     let machine = rustix::system::uname();
     let system = [machine.sysname(), machine.release(), machine.machine()];
     let system = system.map(|part| part.to_string_lossy().into_owned());

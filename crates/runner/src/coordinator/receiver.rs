@@ -21,7 +21,7 @@ use crate::coordinator::recorder::Recorder;
 const ERROR_BYTES: usize = 16 << 10;
 
 /// The receiver of reported results.
-pub(crate) struct Receiving<'a, R> {
+pub(crate) struct Receiver<'a, R> {
     /// The campaign's problem.
     pub(crate) problem: &'a Problem,
     /// The board with the jobs.
@@ -30,7 +30,7 @@ pub(crate) struct Receiving<'a, R> {
     pub(crate) recorder: &'a R,
 }
 
-impl<R: Recorder> Receiving<'_, R> {
+impl<R: Recorder> Receiver<'_, R> {
     /// Stores the results of a worker's leases and delivers the leases.
     pub(crate) async fn take_results(
         &self,
@@ -81,7 +81,7 @@ impl<R: Recorder> Receiving<'_, R> {
             let lease = LeaseId::from(result.id.unwrap_or_default());
             let failures = counted.iter();
             let delivery = Delivery {
-                failed: failures.map(Failed::to_ledger).collect(),
+                failed: failures.map(FailedUnit::to_ledger).collect(),
                 stored: brought.stored,
                 refused: brought.refused,
                 has_answers: brought.has_answers,
@@ -90,7 +90,7 @@ impl<R: Recorder> Receiving<'_, R> {
             let (outcomes, suspended) = self.board.deliver(worker, lease, delivery);
             if let Some(time) = suspended {
                 warn!(%worker, seconds = time.as_secs_f64().ceil(),
-                    "a worker failed several in a row and gets nothing for so long");
+                    "suspended a worker after several failures in a row");
             }
             for (failed, outcome) in counted.into_iter().zip(outcomes) {
                 let outcome = match outcome {
@@ -129,7 +129,7 @@ impl<R: Recorder> Receiving<'_, R> {
                 serial: read.serial,
                 batch,
             }),
-            Err(error) => brought.failed.push(Failed {
+            Err(error) => brought.failed.push(FailedUnit {
                 stream,
                 samples: match result.error {
                     Some(_) => read.unit.samples,
@@ -175,7 +175,7 @@ impl<R: Recorder> Receiving<'_, R> {
 
     /// The rows that stand for a failure that is a result, and the unit that they settle; `None` if the
     /// failure cannot be one.
-    fn conclusion(&self, failed: &Failed) -> Option<(Batch, Unit)> {
+    fn conclusion(&self, failed: &FailedUnit) -> Option<(Batch, Unit)> {
         let (generation, source) = self.board.source(failed.stream)?;
         let unit = Unit {
             stream: failed.stream,
@@ -224,7 +224,7 @@ impl<R: Recorder> Receiving<'_, R> {
     }
 
     /// Stores a failure as a result. Returns false if it cannot be one.
-    async fn conclude(&self, failed: &Failed) -> Result<bool, Status> {
+    async fn conclude(&self, failed: &FailedUnit) -> Result<bool, Status> {
         let Some((batch, unit)) = self.conclusion(failed) else {
             return Ok(false);
         };
@@ -247,7 +247,7 @@ impl<R: Recorder> Receiving<'_, R> {
         &self,
         worker: &WorkerId,
         lease: LeaseId,
-        failed: Failed,
+        failed: FailedUnit,
         outcome: Failure,
     ) -> Result<(), Status> {
         let job = names::job_name(failed.stream, &failed.samples);
@@ -263,13 +263,13 @@ impl<R: Recorder> Receiving<'_, R> {
                 FailureKind::Failure
             }
             Failure::Conclusive => {
-                warn!(%job, %worker, %error, "a failure for good, which is its result");
+                warn!(%job, %worker, %error, "a conclusive failure, stored as the result");
                 FailureKind::Failure
             }
             // A contradiction of the store is always recorded, even if the lease no longer counts.
             Failure::Ignored if failed.contradicts => FailureKind::Failure,
             Failure::Ignored => {
-                info!(%job, %worker, %error, "a failure that does not count");
+                info!(%job, %worker, %error, "an ignored failure");
                 return Ok(());
             }
         };
@@ -299,7 +299,7 @@ struct LeaseResults {
     parts: Vec<Part>,
     stored: Vec<Unit>,
     refused: Vec<(StreamId, Generation)>,
-    failed: Vec<Failed>,
+    failed: Vec<FailedUnit>,
     /// Whether the worker brought any result, even a stale one.
     has_answers: bool,
 }
@@ -314,7 +314,7 @@ struct Part {
 }
 
 #[derive(Debug)]
-struct Failed {
+struct FailedUnit {
     stream: StreamId,
     /// The sample that failed; empty for a failure of the stream as a whole.
     samples: Range<u32>,
@@ -324,9 +324,9 @@ struct Failed {
     contradicts: bool,
 }
 
-impl Failed {
-    fn to_ledger(&self) -> ledger::Failed {
-        ledger::Failed {
+impl FailedUnit {
+    fn to_ledger(&self) -> ledger::FailureReport {
+        ledger::FailureReport {
             stream: self.stream,
             sample: (!self.samples.is_empty()).then_some(self.samples.start),
             error: self.error.clone(),
@@ -347,7 +347,7 @@ impl LeaseResults {
                 // The stored numbers stay, and the contradiction is recorded. Settled samples stay
                 // settled; any others are leased to another worker.
                 error!(%job, %worker, error = %refused, "a worker contradicts the store");
-                self.failed.push(Failed {
+                self.failed.push(FailedUnit {
                     stream: unit.stream,
                     samples: unit.samples.start..unit.samples.start,
                     serial,

@@ -1,0 +1,227 @@
+//! The exit codes of `coordinator` and `worker`, and the codes of errors. Scripts rely on the numbers, so
+//! they must not change.
+
+use std::error::Error;
+use std::fmt;
+
+use campaign::FileError;
+use results::modelling;
+
+/// The program succeeded.
+pub const OK: u8 = 0;
+/// A failure without a code of its own.
+pub const FAILURE: u8 = 1;
+/// The command line is invalid.
+pub const USAGE: u8 = 2;
+/// An input file (campaign, pair, table or model) has an unknown or missing key, a wrong type or an
+/// invalid value.
+pub const BAD_FILE: u8 = 3;
+/// A file cannot be read or written, would be overwritten, or holds a secret that others can read.
+pub const FILE_ACCESS: u8 = 4;
+/// There is no store at the given path.
+pub const NO_STORE: u8 = 5;
+/// The store holds another campaign.
+pub const OTHER_CAMPAIGN: u8 = 6;
+/// The store is not an SQLite file.
+pub const NOT_A_STORE: u8 = 7;
+/// The store is damaged, was removed while it was in use, has several names, or was written by a newer
+/// version of the program.
+pub const UNUSABLE_STORE: u8 = 8;
+/// Another coordinator has the store open.
+pub const STORE_LOCKED: u8 = 9;
+/// The listen address is in use or cannot be bound.
+pub const CANNOT_LISTEN: u8 = 10;
+/// No coordinator answers at the address, or has not for too long. Trying again may help.
+pub const UNREACHABLE: u8 = 11;
+/// The coordinator refused permanently: another version, another model, or a token or certificate
+/// that it does not accept; or its own certificate is not trusted.
+pub const REFUSED: u8 = 12;
+/// The campaign ended with quarantined jobs, which the report names.
+pub const INCOMPLETE: u8 = 13;
+/// A signal stopped the program. The same command continues the work.
+pub const INTERRUPTED: u8 = 14;
+/// The gear pair of `coordinator simulate` is not simulable: no such pair exists, or its teeth lose
+/// contact. In a campaign: no design gets samples, because none is simulable or the constraints
+/// rule all out.
+pub const NOT_SIMULABLE: u8 = 15;
+/// The campaign ended without a feasible design: no approach found one that can be simulated and satisfies
+/// every constraint.
+pub const NONE_FEASIBLE: u8 = 16;
+
+/// An error whose exit code is known. A command cannot pass on an error without a code.
+pub trait HasExitCode: Error + Send + Sync + 'static {
+    /// The exit code of a program that ends with this error.
+    fn exit_code(&self) -> u8 {
+        FAILURE
+    }
+}
+
+/// An error that ends a program, with its exit code.
+#[derive(Debug)]
+pub struct ProgramError {
+    code: u8,
+    error: anyhow::Error,
+}
+
+impl ProgramError {
+    /// The exit code.
+    #[must_use]
+    pub const fn code(&self) -> u8 {
+        self.code
+    }
+}
+
+impl fmt::Display for ProgramError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.error.fmt(f)
+    }
+}
+
+impl<E: HasExitCode> From<E> for ProgramError {
+    fn from(error: E) -> Self {
+        Self {
+            code: error.exit_code(),
+            error: error.into(),
+        }
+    }
+}
+
+impl From<anyhow::Error> for ProgramError {
+    fn from(error: anyhow::Error) -> Self {
+        Self {
+            code: code_within(&error),
+            error,
+        }
+    }
+}
+
+/// The exit code of an error of a library function that returns [`anyhow::Error`]. Such functions pass on
+/// errors of the store, of the campaign file in it, and of workers.
+fn code_within(error: &anyhow::Error) -> u8 {
+    fn code<E: HasExitCode>(cause: &(dyn Error + 'static)) -> Option<u8> {
+        cause.downcast_ref().map(E::exit_code)
+    }
+    let code = error.chain().find_map(|cause| {
+        code::<store::Error>(cause)
+            .or_else(|| code::<FileError>(cause))
+            .or_else(|| code::<crate::worker::Error>(cause))
+    });
+    code.unwrap_or(FAILURE)
+}
+
+impl HasExitCode for FileError {
+    fn exit_code(&self) -> u8 {
+        BAD_FILE
+    }
+}
+
+impl HasExitCode for modelling::InputError {
+    fn exit_code(&self) -> u8 {
+        BAD_FILE
+    }
+}
+
+impl HasExitCode for modelling::Error {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Settings(_) => USAGE,
+            Self::Kriging(_) => FAILURE,
+            _ => BAD_FILE,
+        }
+    }
+}
+
+impl HasExitCode for store::Error {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::NoStore { .. } => NO_STORE,
+            Self::OtherCampaign { .. } | Self::ModelDigestConflict { .. } => OTHER_CAMPAIGN,
+            Self::NotADatabase { .. } | Self::NotAStore { .. } => NOT_A_STORE,
+            Self::Damaged { .. }
+            | Self::DamagedRows { .. }
+            | Self::Lost { .. }
+            | Self::Linked { .. }
+            | Self::MissingCommits { .. }
+            | Self::OtherSchema { .. } => UNUSABLE_STORE,
+            Self::Locked { .. } => STORE_LOCKED,
+            Self::Io { .. } | Self::DiskFull { .. } | Self::UnreadLog { .. } => FILE_ACCESS,
+            _ => FAILURE,
+        }
+    }
+}
+
+// Errors without a code of their own.
+impl HasExitCode for std::io::Error {}
+impl HasExitCode for serde_json::Error {}
+impl HasExitCode for tokio::task::JoinError {}
+impl HasExitCode for results::report::Error {}
+impl HasExitCode for indicatif::style::TemplateError {}
+
+/// Every code with its meaning, for `--help` and the guide.
+pub const TABLE: [(u8, &str); 17] = [
+    (OK, "success"),
+    (FAILURE, "a failure without a code of its own"),
+    (USAGE, "the command line is wrong"),
+    (
+        BAD_FILE,
+        "an input file is wrong; the message names file, line, and key or column",
+    ),
+    (
+        FILE_ACCESS,
+        "a file cannot be read or written, would be overwritten, or exposes a secret",
+    ),
+    (NO_STORE, "there is no store where one is expected"),
+    (OTHER_CAMPAIGN, "the store holds another campaign"),
+    (NOT_A_STORE, "the store is not an SQLite file"),
+    (
+        UNUSABLE_STORE,
+        "the store is damaged, was removed, has several names, or is of a newer version",
+    ),
+    (STORE_LOCKED, "another coordinator has the store open"),
+    (
+        CANNOT_LISTEN,
+        "the listen address is in use or cannot be bound",
+    ),
+    (UNREACHABLE, "no coordinator answers; trying again may help"),
+    (
+        REFUSED,
+        "the coordinator refused permanently: version, numbers, token or certificate",
+    ),
+    (
+        INCOMPLETE,
+        "the campaign ended, but some of its jobs were quarantined",
+    ),
+    (
+        INTERRUPTED,
+        "stopped by a signal; the same command continues",
+    ),
+    (
+        NOT_SIMULABLE,
+        "the gear pair, or every design of the campaign, cannot be simulated",
+    ),
+    (
+        NONE_FEASIBLE,
+        "the campaign ended, and no approach found a feasible design",
+    ),
+];
+
+#[cfg(test)]
+mod tests {
+    use anyhow::Context as _;
+
+    use super::*;
+
+    #[test]
+    fn an_error_keeps_its_code_under_contexts() {
+        let no_store = || store::Error::NoStore {
+            path: "campaign.db".into(),
+        };
+        assert_eq!(ProgramError::from(store::Error::Closed).code(), FAILURE);
+        assert_eq!(ProgramError::from(no_store()).code(), NO_STORE);
+        let context = Err::<(), _>(no_store()).context("reading the status");
+        let error = ProgramError::from(context.unwrap_err());
+        assert_eq!(error.code(), NO_STORE);
+        assert!(format!("{error:#}").starts_with("reading the status: there is no store"));
+        assert_eq!(ProgramError::from(anyhow::anyhow!("other")).code(), FAILURE);
+    }
+}
