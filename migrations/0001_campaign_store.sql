@@ -7,20 +7,20 @@
 -- Lists of numbers are 64-bit IEEE 754 numbers, little-endian, in the order of the problem's variables or
 -- responses, which `coordinator export` names. In Python: numpy.frombuffer(x, '<f8').
 --
--- `stream` is what needs samples or a result of a worker, as one number: of a design its index, of a point 1 << 56 |
--- its number (an optimum's is its approach's), of a run 2 << 56 | the approach's number << 32 | the start.
+-- `stream` identifies a design, point or run that workers compute, as one number: a design's index; 1 << 56 | a point's
+-- number (an optimum has its approach's number); for a run 2 << 56 | the approach's number << 32 | the start.
 --
 -- `seal` is a digest of the row's other columns, the first 64 bits of a SHA-256 read as two's complement: a value
--- that changes outside the program is noticed when the row is read. Rows without one are no results.
+-- that changes outside the program is noticed when the row is read. Rows that are not results have none.
 
--- "PTCH": what tells a store from any other SQLite file.
+-- "PTCH": distinguishes a store from other SQLite files.
 PRAGMA application_id = 0x50544348;
 
 CREATE TABLE campaign (
     one             INTEGER NOT NULL PRIMARY KEY CHECK (one = 1),
     name            TEXT    NOT NULL,
     file_text       TEXT    NOT NULL,
-    -- Hex of the digest of the file's canonical content: what decides "the same campaign".
+    -- Hex of the digest of the file's canonical content. Files with the same digest are the same campaign.
     digest          TEXT    NOT NULL,
     -- The 64 bits of an unsigned seed, read as two's complement: SQLite has no unsigned type.
     seed            INTEGER NOT NULL,
@@ -42,7 +42,7 @@ CREATE TABLE criteria (
     simulable INTEGER NOT NULL CHECK (simulable IN (0, 1)),
     -- Why it is not simulable, or why it gets no samples although it is: a code and a sentence.
     reason    TEXT,
-    -- Nothing for a design that is not simulable.
+    -- NULL for a design that is not simulable.
     responses BLOB    CHECK (length(responses) % 8 = 0),
     seal      INTEGER NOT NULL
 ) STRICT;
@@ -55,7 +55,7 @@ CREATE INDEX criteria_simulable ON criteria (simulable);
 CREATE TABLE sample_block (
     stream       INTEGER NOT NULL,
     -- The block is first_sample .. first_sample + length(samples) / 8. Blocks of one stream never overlap; they may
-    -- touch, and what lies between them is not sampled yet.
+    -- touch, and the samples between them are missing.
     first_sample INTEGER NOT NULL CHECK (first_sample >= 0),
     -- The sampled response, at most 4096 values. An infinite one stands for a sample that failed.
     samples      BLOB    NOT NULL CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % 8 = 0),
@@ -90,12 +90,12 @@ CREATE TABLE optimiser_run (
     seal            INTEGER NOT NULL
 ) STRICT;
 
--- What an external simulator says of the candidates of an optimiser run. The coordinator holds the search: killed,
--- it computes the search again from these rows. Runs on the built-in simulator take seconds and have no rows here.
+-- Evaluations of the candidates of an optimiser run by an external simulator. A restarted coordinator computes the
+-- search again from these rows. Runs on the built-in simulator take seconds and have no rows here.
 CREATE TABLE evaluation (
     -- A run or an infill point.
     stream        INTEGER NOT NULL,
-    -- Which evaluation of the run, from 0.
+    -- Index of the evaluation within the run, from 0.
     evaluation    INTEGER NOT NULL CHECK (evaluation >= 0),
     seal          INTEGER NOT NULL,
     x             BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
@@ -105,9 +105,9 @@ CREATE TABLE evaluation (
     value         REAL,
     -- What constraints are set on.
     criteria      BLOB    CHECK (length(criteria) % 8 = 0),
-    -- The same in the baseline state, where a gear pair that was searched without wear was asked for it.
+    -- The same in the baseline state; NULL unless a gear pair is searched without wear.
     worn_criteria BLOB    CHECK (length(worn_criteria) % 8 = 0),
-    -- Of a direct search, the sampled response; NULL where a constraint is broken.
+    -- The sampled response, for a direct search; NULL if a constraint is violated.
     samples       BLOB    CHECK (length(samples) % 8 = 0),
     PRIMARY KEY (stream, evaluation)
 ) STRICT, WITHOUT ROWID;
@@ -130,17 +130,17 @@ CREATE TABLE optimum (
     seal            INTEGER NOT NULL
 ) STRICT;
 
--- Rounds of infill points: what each decided, written before its points are sampled.
+-- The decisions of rounds of infill, written before their points are sampled.
 CREATE TABLE enrichment_round (
     round                INTEGER NOT NULL PRIMARY KEY CHECK (round >= 0),
-    -- The most that was expected of any observation; nothing where no model could tell.
+    -- The largest expected improvement of any observation; NULL without a model.
     expected_improvement REAL,
-    -- The best design so far, with the model's prediction; nothing without a model.
+    -- The best design so far, with the model's prediction; NULL without a model.
     recommendation_json  TEXT,
-    -- Why the enrichment ends; nothing while it goes on.
+    -- Why the enrichment ends; NULL while it continues.
     stop_json            TEXT,
     notes_json           TEXT    NOT NULL,
-    -- Analyses that the search for points took.
+    -- Number of analyses in the search for points.
     simulator_calls      INTEGER NOT NULL CHECK (simulator_calls >= 0),
     cpu_seconds          REAL    NOT NULL,
     seal                 INTEGER NOT NULL
@@ -156,7 +156,7 @@ CREATE TABLE infill (
     -- Why it was chosen.
     reason    TEXT    NOT NULL,
     x         BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
-    -- How far the exact constraints are missed.
+    -- Constraint violation with the exact constraints.
     violation REAL    NOT NULL,
     samples   INTEGER NOT NULL CHECK (samples > 0),
     -- Whether it got no samples; set together with the round after.
@@ -164,17 +164,16 @@ CREATE TABLE infill (
     seal      INTEGER NOT NULL
 ) STRICT;
 
--- What the samples of a point, or the result of a run, are computed from: the digest of all inputs. Results of
--- another generation are not stored, so that what comes late for a design that has been chosen anew is not taken
--- for the new one's.
+-- The digest of all inputs of the samples of a point or of the result of a run. Results of another generation are not
+-- stored: they may arrive late, for a design that was replaced since.
 CREATE TABLE stream_generation (
     stream     INTEGER NOT NULL PRIMARY KEY,
     -- The 64 bits of the digest, read as two's complement.
     generation INTEGER NOT NULL
 ) STRICT;
 
--- What each derived result was computed from. A result whose inputs have changed, for example because a quarantined
--- job has delivered after all, is computed again.
+-- The inputs of each derived result. A result whose inputs have changed, for example because a quarantined job has
+-- delivered after all, is computed again.
 CREATE TABLE derivation (
     -- 'samples', 'responses', 'model', 'round ' and its number, 'optimum ' and an approach, or the stream of a run.
     name    TEXT    NOT NULL PRIMARY KEY,
@@ -182,13 +181,13 @@ CREATE TABLE derivation (
     inputs  TEXT    NOT NULL,
     -- The digest of the result, in hex; NULL where no other result is computed from it.
     output  TEXT,
-    -- Why there is no result: of a fit that failed.
+    -- Why there is no result, for a fit that failed.
     failure TEXT,
     seal    INTEGER NOT NULL
 ) STRICT, WITHOUT ROWID;
 
--- Tallies of the tables that grow large, so that nobody has to read them in order to count them. They are written in
--- the transactions that write the rows they count.
+-- Tallies of the tables that grow large, so that counting does not read them. They are written in the transactions that
+-- write the rows they count.
 
 -- A stream without a row here has no samples. It has those of 0..samples, without a hole, exactly when
 -- samples = last_sample + 1.
@@ -196,7 +195,7 @@ CREATE TABLE sample_tally (
     stream      INTEGER NOT NULL PRIMARY KEY,
     samples     INTEGER NOT NULL CHECK (samples > 0 AND samples <= last_sample + 1),
     last_sample INTEGER NOT NULL,
-    -- How many of them failed.
+    -- The number of failed samples.
     failed      INTEGER NOT NULL CHECK (failed BETWEEN 0 AND samples),
     -- The sum modulo 2^256 of the SHA-256 of every sample, both read as little-endian numbers.
     digest      BLOB    NOT NULL CHECK (length(digest) = 32),
@@ -211,10 +210,10 @@ CREATE TABLE commit_tally (
 
 INSERT INTO commit_tally (one, commits) VALUES (1, 0);
 
--- What a finished job cost.
+-- The cost of a finished job.
 CREATE TABLE job_time (
     stream      INTEGER NOT NULL,
-    -- What tells the jobs of one stream apart: the first sample, or a number that is another one for each generation.
+    -- The key of the job within its stream: the first sample, or a number that differs for each generation.
     part        INTEGER NOT NULL CHECK (part >= 0),
     cpu_seconds REAL    NOT NULL,
     PRIMARY KEY (stream, part)
@@ -227,15 +226,15 @@ CREATE TABLE stage (
     stage TEXT    NOT NULL
 ) STRICT;
 
--- How long each stage was the one that the campaign waited for, while a coordinator ran: at most the last minute
--- before a coordinator was killed is missing.
+-- Time that the campaign waited for each stage while a coordinator ran. At most the last minute before a coordinator was
+-- killed is missing.
 CREATE TABLE stage_time (
     -- A stage's name in `coordinator status`.
     stage        TEXT NOT NULL PRIMARY KEY,
     wall_seconds REAL NOT NULL CHECK (wall_seconds >= 0)
 ) STRICT;
 
--- Append-only: what went wrong, in the order in which it was reported.
+-- Crashes, failures and quarantines in the order of their reports. Append-only.
 CREATE TABLE failure (
     failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
     stream     INTEGER NOT NULL,
@@ -244,8 +243,8 @@ CREATE TABLE failure (
     -- The number of the lease under which it happened.
     lease      INTEGER NOT NULL CHECK (lease >= 0),
     worker     TEXT    NOT NULL,
-    -- A worker that was not told that its report is stored hands it in again, perhaps to the next coordinator: its
-    -- own number of the report tells that it is the same one. Crashes are seen by the coordinator and have none.
+    -- The worker's own number of the report, by which a repeated report is recognised, also by a restarted coordinator.
+    -- Crashes are recorded by the coordinator and have none.
     serial     INTEGER,
     kind       TEXT    NOT NULL CHECK (kind IN ('crash', 'failure', 'quarantine')),
     error      TEXT    NOT NULL,

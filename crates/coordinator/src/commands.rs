@@ -53,7 +53,6 @@ impl HasExitCode for Usage {
     }
 }
 
-/// Executes the command and returns the exit code.
 pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
     match command {
         Command::Run(arguments) => run(arguments).await,
@@ -132,7 +131,6 @@ async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
     conduct(plan).await
 }
 
-/// The number of processors.
 fn processors() -> u16 {
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     u16::try_from(processors).unwrap_or(u16::MAX)

@@ -147,8 +147,9 @@ impl<P: Clone> Ledger<P> {
     /// Grants a lease to a registered worker, or `None` if there is no work for it.
     ///
     /// A stream that this worker just failed comes last, because a second attempt is worth more on
-    /// another worker, and after a control that the worker must succeed with. When nothing is free, a worker with an idle slot gets a copy of a lease that
-    /// another worker has held for long, in case that worker is slow. The first delivery counts.
+    /// another worker, and only after the worker has succeeded with a control. When nothing is free, a
+    /// worker with an idle slot gets a copy of a lease that another worker has held for long, in case
+    /// that worker is slow. The first delivery counts.
     pub fn lease(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
         self.wake(now);
         let state = self.workers.see(worker, now)?;

@@ -1,4 +1,4 @@
-//! Evidence on whose fault a failure is: the sample's, the worker's, or of what all depend on.
+//! Attribution of failures: to the sample, to the worker, or to something that all workers depend on.
 //!
 //! A failure counts against a sample only if its worker succeeds with something else. If no other
 //! work does so by itself, the worker gets a *control*: a unit that was computed before. A worker
@@ -7,15 +7,8 @@
 use std::time::Duration;
 
 use crate::ledger::Ledger;
-use crate::state::Lease;
+use crate::state::{Control, Lease};
 use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
-
-/// A unit that a worker has computed.
-#[derive(Debug, Clone)]
-pub(crate) struct Control<P> {
-    pub(crate) unit: Unit,
-    pub(crate) source: P,
-}
 
 /// The order in which units are preferred as controls. A design asks for everything that a
 /// simulator can be asked for, and its generation stays the same.
@@ -40,8 +33,8 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Whether the worker must succeed with a control before it gets these units, which have
-    /// failed since it last succeeded. After an outage that was too long nothing is proven any
-    /// more.
+    /// failed since it last succeeded. After an outage longer than
+    /// [`Options::retry_for`](crate::Options::retry_for) no control is required.
     pub(crate) fn needs_control(&self, worker: &WorkerId, units: &[Unit], now: Duration) -> bool {
         if self.control.is_none() || self.is_hopeless(now) {
             return false;

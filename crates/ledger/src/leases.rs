@@ -241,7 +241,7 @@ impl<P: Clone> Ledger<P> {
                 stream.is_some_and(|stream| stream.is_suspect)
             };
             if units.iter().any(is_suspect) {
-                // The one to blame is found only when each is computed alone.
+                // The stream that crashes workers is identified only if each is computed alone.
                 units.truncate(1);
             }
             if !units.is_empty() {

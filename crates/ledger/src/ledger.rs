@@ -3,9 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use crate::control::Control;
 use crate::options::Options;
-use crate::state::{Lease, Stream};
+use crate::state::{Control, Lease, Stream};
 use crate::types::{Counts, Generation, Group, Kind, LeaseId, StreamId, WorkerStatus};
 use crate::workers::Workers;
 

@@ -28,8 +28,8 @@
 //! ```
 //!
 //! A failure counts against a sample only while its worker succeeds with other work; see
-//! [`Options::max_failures`] and [`Options::retry_for`]. What fails for good is quarantined, or, of
-//! a stream that [tolerates](StreamDemand::is_tolerant) it, a result.
+//! [`Options::max_failures`] and [`Options::retry_for`]. A stream whose attempts are used up is
+//! quarantined; a [tolerant](StreamDemand::is_tolerant) stream stores the failure as its result.
 //!
 //! # Invariants
 //!

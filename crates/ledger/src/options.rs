@@ -9,7 +9,7 @@ pub const HEARTBEATS_PER_LEASE: u32 = 6;
 /// coordinator some 200 µs, so that all of them take a tenth of a processor.
 const HEARTBEATS_PER_SECOND: f64 = 500.0;
 
-/// Shortest lease with which so many workers do not send more heartbeats than that.
+/// Minimum lease that keeps the heartbeats of this many workers below [`HEARTBEATS_PER_SECOND`].
 pub(crate) fn lease_for(workers: usize) -> Duration {
     let period = workers as f64 / HEARTBEATS_PER_SECOND;
     Duration::from_secs_f64(period * f64::from(HEARTBEATS_PER_LEASE))
@@ -33,7 +33,7 @@ pub struct Options {
     /// The longest wait after a failure.
     pub longest_wait: Duration,
     /// How long everything may fail before streams with [`Self::max_failures`] failed attempts are
-    /// quarantined. A licence server that is down for a shorter time costs nothing but time.
+    /// quarantined. A shorter outage, for example of a licence server, only delays the campaign.
     pub retry_for: Duration,
     /// Streams that a worker may fail without a delivery in between before it gets a control, and is
     /// suspended if it fails that, too, or if there is none; at least 1.

@@ -1,4 +1,4 @@
-//! The state of a stream and of a lease.
+//! The state of a stream, a lease and a control.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -119,4 +119,11 @@ pub(crate) struct Lease {
     ///
     /// [`Ledger::control`]: crate::Ledger
     pub(crate) is_control: bool,
+}
+
+/// A unit that a worker has computed.
+#[derive(Debug, Clone)]
+pub(crate) struct Control<P> {
+    pub(crate) unit: Unit,
+    pub(crate) source: P,
 }

@@ -198,8 +198,8 @@ impl<P: Clone> Ledger<P> {
 
     /// Counts a failure against a worker. Returns the end of the suspension if that suspends it.
     ///
-    /// With a control at hand the worker gets that first. After an outage that was too long nobody
-    /// is suspended any more: waiting does not cure it.
+    /// If there is a control, the worker gets it before any suspension. After an outage longer than
+    /// [`Options::retry_for`](crate::Options::retry_for) no worker is suspended, since waiting does not help.
     fn strike(&mut self, worker: &WorkerId, id: StreamId, now: Duration) -> Option<Duration> {
         let has_too_many = self.workers.strike(worker, id, &self.options, now);
         if !has_too_many || self.control.is_some() || self.is_hopeless(now) {

@@ -8,6 +8,7 @@ use crate::types::{LeaseId, StreamId, WorkerId};
 
 /// Maximum number of times that the length of a suspension doubles.
 const MAX_DOUBLINGS: u32 = 5;
+
 #[derive(Debug, Clone)]
 pub(crate) struct Worker {
     pub(crate) host: String,

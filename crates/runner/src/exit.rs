@@ -64,7 +64,6 @@ pub struct ProgramError {
 }
 
 impl ProgramError {
-    /// The exit code.
     #[must_use]
     pub const fn code(&self) -> u8 {
         self.code

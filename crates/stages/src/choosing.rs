@@ -13,10 +13,6 @@ use crate::optima::{NoOptimum, Optimum};
 /// Chooses the best design that the runs of an approach found.
 ///
 /// `extra` is the cost of the approach's metamodel. A run that was quarantined is not among `rows`.
-///
-/// # Errors
-///
-/// A stored run cannot be read.
 pub fn choose_run(
     problem: &Problem,
     approach: Approach,

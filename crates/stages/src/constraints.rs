@@ -66,10 +66,6 @@ pub(crate) fn violation_of(problem: &Problem, evaluation: &EvaluationRow) -> Opt
 }
 
 /// The criteria that the program gave for the design at `x`, of the DoE or an infill point.
-///
-/// # Errors
-///
-/// The store cannot be read.
 pub async fn criteria_at(
     store: &Store,
     problem: &Problem,

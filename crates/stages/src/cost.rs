@@ -14,7 +14,6 @@ use crate::linear::LinearResponse;
 /// The cost of an approach.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Cost {
-    /// Calls of the simulator.
     pub simulator_calls: u64,
     /// CPU time, seconds.
     pub cpu_seconds: f64,

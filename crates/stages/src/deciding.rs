@@ -46,11 +46,6 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// Reads the rows.
-    ///
-    /// # Errors
-    ///
-    /// The store cannot be read, or the samples of a design make no response.
     pub async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
         let sampling = &problem.campaign().sampling;
         let mut rows = Self {
@@ -274,10 +269,6 @@ impl Rows {
     }
 
     /// Decides the next round; its CPU time is left zero.
-    ///
-    /// # Errors
-    ///
-    /// The campaign has no enrichment, or the model cannot be fitted.
     pub fn decide(
         mut self,
         problem: &Problem,

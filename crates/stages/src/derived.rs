@@ -1,9 +1,8 @@
-//! Derived results stand as long as what they were computed from is unchanged.
+//! Which stored results are outdated.
 //!
-//! The store keeps with each result the digest of its inputs ([`store::Derivation`]). A `Dependencies` computes
-//! the digests of the present inputs from a state, and says which stored results are outdated. These are
-//! removed, so what is missing and what has to be computed again are one question, which
-//! [`next`](crate::plan::next) answers.
+//! The store keeps with each derived result the digest of its inputs ([`store::Derivation`]). `Dependencies`
+//! computes the digests of the current inputs from a state; a result whose digest differs is outdated. Outdated
+//! results are removed, so [`next`](crate::plan::next) treats them as missing.
 //!
 //! ```text
 //! samples ─► responses ─► model ─► runs on it ─► optimum
@@ -11,9 +10,9 @@
 //!                └► optimum (best of the DoE)
 //! ```
 //!
-//! Results that cost simulations stay while a job they could have used is tried again, and go only when it
-//! has delivered: a job that fails for good must not cost them at each restart. An optimum is cheap to choose
-//! and is what a user reads, so it goes as soon as anything before it is open.
+//! Results that cost simulations stay while a job that they could have used is tried again, and are removed
+//! only when the job has delivered: a job that always fails must not cost them at each restart. An optimum is
+//! cheap to choose and is what a user reads, so it is removed as soon as one of its inputs is open.
 
 use std::fmt::Write as _;
 
@@ -24,10 +23,9 @@ use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 use store::{Derivation, DerivedResult, OptimiserRunRow, ResponseRow};
 
+use crate::names;
 use crate::state::State;
-use crate::{names, plan};
 
-/// The derivation of the responses.
 #[must_use]
 pub fn of_responses(inputs: String, rows: &[ResponseRow]) -> Derivation {
     Derivation {
@@ -104,7 +102,7 @@ impl Digest {
     }
 }
 
-/// The present inputs of all derived results.
+/// The current inputs of all derived results.
 pub(crate) struct Dependencies<'a> {
     problem: &'a Problem,
     inputs: &'a Inputs,
@@ -119,7 +117,7 @@ impl<'a> Dependencies<'a> {
             problem,
             inputs,
             state,
-            base: plan::base(problem, state),
+            base: state.base(problem),
         }
     }
 
@@ -132,7 +130,7 @@ impl<'a> Dependencies<'a> {
         self.derivation(of).is_none_or(|held| held.inputs != inputs)
     }
 
-    /// Whether no sample of the DoE is on its way.
+    /// Whether no sample of the DoE is missing.
     pub(crate) fn is_sampled(&self) -> bool {
         let designs = self.problem.campaign().doe.designs as usize;
         self.base.is_some() && self.state.designs >= designs && !self.state.lacks_samples()
@@ -143,8 +141,8 @@ impl<'a> Dependencies<'a> {
         !self.differs(&DerivedResult::Responses, &self.responses_inputs())
     }
 
-    /// Whether results that rest on the samples of the DoE are to be compared with their inputs: while samples
-    /// are on their way they stay, unless there are no responses, and before the responses are computed.
+    /// Whether results that depend on the samples of the DoE are compared with their inputs. They are not while
+    /// samples are missing and responses exist, nor before the responses are computed from all samples.
     fn is_known(&self) -> bool {
         if self.is_sampled() {
             self.has_responses()
@@ -204,7 +202,7 @@ impl<'a> Dependencies<'a> {
         }
     }
 
-    /// The stored results that no longer follow from what the store holds, to be removed in this order.
+    /// The stored results whose inputs have changed, to be removed in this order.
     pub(crate) fn outdated(&self) -> Vec<DerivedResult> {
         let mut outdated = Vec::new();
         let samples = DerivedResult::Samples;

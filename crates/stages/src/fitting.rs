@@ -21,7 +21,6 @@ pub struct ModelSummary {
     /// The ranges in the order of the variables; `None` for a variable that the model does not
     /// depend on.
     pub ranges: Vec<Option<f64>>,
-    /// −log likelihood.
     pub negative_log_likelihood: f64,
     /// Q² of leave-one-out predictions.
     pub q2: f64,
@@ -44,7 +43,6 @@ pub struct ModelSummary {
     pub cpu_seconds: f64,
 }
 
-/// A leave-one-out prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LeaveOneOutPrediction {
     /// [`Observation::number`].
@@ -58,7 +56,6 @@ pub struct LeaveOneOutPrediction {
 }
 
 impl ModelSummary {
-    /// The leave-one-out predictions.
     pub fn leave_one_out(&self) -> impl Iterator<Item = LeaveOneOutPrediction> {
         let scaled = self.observed.iter().zip(&self.standardised);
         self.residuals.iter().zip(scaled).map(
@@ -74,10 +71,6 @@ impl ModelSummary {
 
 /// The model to show, to predict from and to export: that of the enrichment's end, if there is one, otherwise
 /// that of the DoE.
-///
-/// # Errors
-///
-/// The store cannot be read.
 pub async fn latest_model(store: &Store) -> Result<Option<ModelRow>, store::Error> {
     match store.model(ModelRow::ENRICHED).await? {
         Some(model) => Ok(Some(model)),
@@ -94,7 +87,6 @@ pub struct Observation {
     pub x: Vec<f64>,
     /// The percentile. One that is not finite is left out.
     pub value: f64,
-    /// Its variance.
     pub variance: f64,
     /// Number of samples behind it.
     pub samples: u64,
@@ -127,10 +119,6 @@ pub fn of_doe(
 }
 
 /// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero.
-///
-/// # Errors
-///
-/// The data cannot be fitted: too few designs with a response, for example.
 pub fn fit(
     problem: &Problem,
     observed: &[Observation],
@@ -200,7 +188,7 @@ pub fn fit(
     Ok((model, summary))
 }
 
-/// What an observation is called in messages.
+/// The name of an observation in messages.
 fn called(problem: &Problem, number: u64) -> String {
     match number.checked_sub(problem.campaign().doe.designs.into()) {
         None => format!("design {number}"),
@@ -249,10 +237,6 @@ fn explained(problem: &Problem, error: Error, number: impl Fn(usize) -> u64) -> 
 }
 
 /// The row named `name` of a fitted model.
-///
-/// # Errors
-///
-/// The model cannot be written as JSON: one of its numbers is not finite.
 pub fn model_row(
     name: &str,
     model: &Surrogate,

@@ -147,10 +147,6 @@ pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
 }
 
 /// The settings of a round, with `samples_left` samples left for infill.
-///
-/// # Errors
-///
-/// The campaign's bounds make no box; never for a validated campaign.
 pub fn options(
     problem: &Problem,
     section: &Enrichment,

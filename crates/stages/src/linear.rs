@@ -15,10 +15,6 @@ pub struct LinearResponse {
 impl LinearResponse {
     /// The linear response of a design: the slopes of ΔSTE, µm, in the coefficients of its wear and
     /// its slope deviations.
-    ///
-    /// # Errors
-    ///
-    /// The design cannot be simulated.
     pub fn of(gears: &Gears, design: &Design) -> Result<Self, gear::Error> {
         let pair = gears.pair(design)?;
         let slopes = gears.sampler(&pair).slopes();

@@ -1,4 +1,4 @@
-//! Streams by what they are of, and their names in messages.
+//! The streams of designs, points and runs, and their names in messages.
 
 use std::ops::Range;
 
@@ -21,13 +21,12 @@ pub const fn verification(approach: Approach) -> StreamId {
     StreamId::point(approach.number())
 }
 
-/// The stream of a run.
 #[must_use]
 pub const fn run(approach: Approach, start: u32) -> StreamId {
     StreamId::run(approach.number() as u32, start)
 }
 
-/// The approach and the start of a run; `None` if the stream is none.
+/// The approach and the start of a run; `None` for another stream.
 #[must_use]
 pub fn approach_and_start(stream: StreamId) -> Option<(Approach, u32)> {
     let (number, start) = stream.run_parts();
@@ -90,8 +89,8 @@ pub fn job_name(stream: StreamId, samples: &Range<u32>) -> String {
     }
 }
 
-/// What tells the times of one stream's units apart: the first sample. Of a run also its generation, since a run that
-/// begins anew costs again.
+/// The key of a unit's time among the times of its stream: the first sample and, for a run, the generation,
+/// because a restarted run costs time again.
 #[must_use]
 pub fn time_part(unit: &Unit) -> u64 {
     let first = u64::from(unit.samples.start);

@@ -8,17 +8,16 @@ use serde::{Deserialize, Serialize};
 use store::{OptimumRow, Store};
 
 use crate::cost::Cost;
+use crate::names;
 use crate::state::State;
-use crate::{names, plan};
 
-/// What an approach ended with: a design, or the reason why there is none.
+/// The outcome of an approach: a design, or the reason why there is none.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
-    /// The approach.
     pub approach: Approach,
     /// The design.
     pub found: Result<Solution, NoOptimum>,
-    /// The cost of the search and of what it rests on.
+    /// The cost of the search and of the results that it uses.
     pub cost: Cost,
     /// A remark; without a model, the reason.
     pub note: String,
@@ -153,14 +152,10 @@ pub fn base<'a>(
         optima: optima.into_iter().map(known).collect(),
         ..State::default()
     };
-    plan::base(problem, &state)
+    state.base(problem)
 }
 
 /// The optima in the order of the paper's Table 5.
-///
-/// # Errors
-///
-/// The store cannot be read, or its optima are not of this problem.
 pub async fn stored(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Optimum>> {
     let rows = store.optima().await?.into_iter();
     let mut optima: Vec<Optimum> = rows

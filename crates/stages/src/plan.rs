@@ -61,7 +61,7 @@ pub struct Next {
     streams: BTreeSet<StreamId>,
     /// Whether designs may be on the board.
     has_base: bool,
-    /// Whether verification samples are missing, be it that they were quarantined.
+    /// Whether verification samples are missing, quarantined ones included.
     is_unverified: bool,
 }
 
@@ -84,7 +84,7 @@ impl Next {
         }
     }
 
-    /// Whether a stream may still be computed. The others are of inputs that are there no longer.
+    /// Whether a stream may still be computed. The inputs of other streams no longer exist.
     #[must_use]
     pub fn needs(&self, stream: StreamId) -> bool {
         match stream.kind {
@@ -102,20 +102,6 @@ impl Next {
             && self.points.is_empty()
             && self.local.is_none()
     }
-}
-
-/// The values of the variables that the DoE does not move, once they are known.
-///
-/// If approach 1 found no feasible design, there is nothing to freeze, and the printed values
-/// serve.
-#[must_use]
-pub fn base(problem: &Problem, state: &State) -> Option<Design> {
-    let printed = || problem.base().clone();
-    let Some(approach) = problem.base_from() else {
-        return Some(printed());
-    };
-    let optimum = state.optima.get(&approach)?.as_ref();
-    Some(optimum.map_or_else(printed, |design| problem.base_of(design)))
 }
 
 /// Decides what comes next.

@@ -1,4 +1,4 @@
-//! From samples to responses: how many samples a design needs, and what its percentile is.
+//! The number of samples that a design needs, and its response.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ pub struct Samples<'a> {
 /// Whether a design has enough samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sufficiency {
-    /// The design has enough samples; its response is computed from so many of them.
+    /// The design has enough samples; its response is computed from this many of them.
     Enough(usize),
     /// The design needs more samples.
     Wants {
@@ -34,13 +34,9 @@ pub enum Sufficiency {
     },
 }
 
-/// Goes through the batches of a design's `samples`, which are those from the first on, without a
-/// hole, and at least as many as the first batch has. The size of a batch depends on the batches
-/// before it alone, so samples that came early change nothing.
-///
-/// # Errors
-///
-/// A sample that is not a number.
+/// Whether a design has enough samples. `samples` are those from the first on, without a gap, and at least as
+/// many as the first batch has. The size of a batch depends only on the batches before it, so additional
+/// samples change nothing.
 pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, stats::Error> {
     let held = samples.len();
     let mut count = (sampling.samples_per_design as usize).min(held);
@@ -80,10 +76,6 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
 /// Samples whose coefficients depend on each other make m + z σ̂ with the jackknife variance over
 /// their groups, [`stats::grouped_p90`]. They have no p-value: Lilliefors' test takes independent
 /// samples.
-///
-/// # Errors
-///
-/// Too few samples, or one that is not a number.
 pub fn response_of(
     design: u64,
     samples: Samples<'_>,
@@ -105,10 +97,6 @@ pub fn response_of(
 }
 
 /// The response of one design from independent samples.
-///
-/// # Errors
-///
-/// Too few samples, or one that is not a number.
 pub fn response(
     design: u64,
     samples: Samples<'_>,

@@ -14,7 +14,6 @@ use crate::optima::{NoOptimum, Optimum};
 /// A round as the store keeps it, read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Round {
-    /// The row of the round.
     pub row: RoundRow,
     /// The best design at the time of the decision.
     pub recommendation: Option<Recommendation>,
@@ -23,11 +22,6 @@ pub struct Round {
 }
 
 impl Round {
-    /// Reads the JSON of a row.
-    ///
-    /// # Errors
-    ///
-    /// The JSON is not what this version writes.
     pub fn read(row: RoundRow) -> serde_json::Result<Self> {
         let recommendation = row.recommendation_json.as_deref();
         let stop = row.stop_json.as_deref();
@@ -41,10 +35,6 @@ impl Round {
 
 /// The design that the last round recommends; `told` are its criteria if only an
 /// external program knows them.
-///
-/// # Errors
-///
-/// The round was decided for another problem, or the criteria are missing.
 pub fn recommended(
     problem: &Problem,
     base: &Design,

@@ -85,10 +85,6 @@ impl Searches {
     }
 
     /// Advances a run as far as the stored evaluations go.
-    ///
-    /// # Errors
-    ///
-    /// The store cannot be read, or the search cannot go on.
     pub async fn turn(
         &mut self,
         store: &Store,

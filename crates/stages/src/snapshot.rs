@@ -13,17 +13,13 @@ use crate::fitting::ModelSummary;
 use crate::responses::{self, Sufficiency};
 use crate::state::{OpenDesign, Progress, State, VerifyPoint};
 use crate::verification::Sizes;
-use crate::{names, optima, plan};
+use crate::{names, optima};
 
 /// Reads the state of the campaign, without the quarantined streams. `more` has the designs that need more
 /// samples than others, `sizes` what was read of verification samples before.
 ///
 /// Everything is read as of one moment: results that come meanwhile are never seen without what they were
 /// derived from. Only the missing part of the DoE is read, so that a restart is quick however much is done.
-///
-/// # Errors
-///
-/// The store cannot be read, or holds what this version does not write.
 pub async fn load(
     store: &Store,
     problem: &Problem,
@@ -94,7 +90,7 @@ pub async fn load(
             ..point.clone()
         });
     }
-    if let (Some(base), Some(_)) = (plan::base(problem, &state), &campaign.enrichment) {
+    if let (Some(base), Some(_)) = (state.base(problem), &campaign.enrichment) {
         state.enrichment = enrichment(store, problem, &base, &tallies).await?;
     }
     Ok(state)
@@ -177,10 +173,6 @@ pub(crate) async fn infill_samples(
 
 /// Number of samples behind each response, by design. Samples that came before they were needed do
 /// not count.
-///
-/// # Errors
-///
-/// The store cannot be read, or the samples of a design make no response.
 pub async fn response_counts(
     store: &Store,
     settings: &Sampling,
@@ -203,10 +195,6 @@ pub async fn response_counts(
 
 /// The designs with a response that need more samples than others, and how many. There are such
 /// designs after a restart, too, if a campaign went on without those of quarantined designs.
-///
-/// # Errors
-///
-/// The store cannot be read, or the samples of a design make no response.
 pub async fn wants_more(store: &Store, settings: &Sampling) -> anyhow::Result<BTreeMap<u64, u64>> {
     let mut more = BTreeMap::new();
     if settings.rule().is_none() {

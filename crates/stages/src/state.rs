@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use campaign::formulation::{Approach, Design};
+use campaign::formulation::{Approach, Design, Problem};
 use ledger::StreamId;
 use store::Derivation;
 
@@ -13,7 +13,6 @@ use store::Derivation;
 pub struct VerifyPoint {
     /// Its number as a stream and as the source of its random numbers.
     pub number: u64,
-    /// The design.
     pub design: Design,
     /// Number of samples that it gets.
     pub wanted: u32,
@@ -74,7 +73,6 @@ pub struct State {
     pub stale: BTreeSet<Approach>,
     /// The rounds of infill.
     pub enrichment: Progress,
-    /// The quarantined streams.
     pub quarantined: BTreeSet<StreamId>,
 }
 
@@ -92,6 +90,20 @@ pub struct Progress {
 }
 
 impl State {
+    /// The values of the variables that the DoE does not move, once they are known.
+    ///
+    /// If approach 1 found no feasible design, there is nothing to freeze, and the printed values
+    /// serve.
+    #[must_use]
+    pub fn base(&self, problem: &Problem) -> Option<Design> {
+        let printed = || problem.base().clone();
+        let Some(approach) = problem.base_from() else {
+            return Some(printed());
+        };
+        let optimum = self.optima.get(&approach)?.as_ref();
+        Some(optimum.map_or_else(printed, |design| problem.base_of(design)))
+    }
+
     /// Whether a run is finished or quarantined.
     pub(crate) fn is_settled(&self, approach: Approach, start: u32) -> bool {
         let stream = StreamId::run(approach.number() as u32, start);

@@ -1,4 +1,4 @@
-//! The responses of a DoE from its samples, which the store shows design by design.
+//! The responses of the DoE, computed from its samples design by design.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,13 +14,13 @@ use crate::responses::{self, Samples, Sufficiency};
 /// The result of a [`Collector`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
-    /// The responses of all designs that have samples enough.
+    /// The responses of all designs that have enough samples.
     Responses(Vec<ResponseRow>),
     /// No responses yet: the number of samples that each of these designs needs for the precision.
     Wants(BTreeMap<u64, u64>),
 }
 
-/// Makes responses of samples that come in the order of design and sample.
+/// Computes responses from samples in the order of design and sample.
 #[derive(Debug)]
 pub struct Collector<'a> {
     problem: &'a Problem,
@@ -54,10 +54,6 @@ impl<'a> Collector<'a> {
     }
 
     /// Takes the next samples.
-    ///
-    /// # Errors
-    ///
-    /// The samples of the design before make no response.
     pub fn push(&mut self, block: &SampleBlock) -> anyhow::Result<()> {
         let design = block.stream.index;
         if self.design != Some(design) {
@@ -74,10 +70,6 @@ impl<'a> Collector<'a> {
     }
 
     /// The responses from all samples, or the samples still needed.
-    ///
-    /// # Errors
-    ///
-    /// The samples of the last design make no response.
     pub fn finish(mut self) -> anyhow::Result<Outcome> {
         self.close()?;
         Ok(if self.wanting.is_empty() {

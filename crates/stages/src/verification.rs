@@ -31,10 +31,6 @@ pub struct Verification {
 
 impl Verification {
     /// Reads the verification of a point.
-    ///
-    /// # Errors
-    ///
-    /// The store cannot be read.
     pub async fn read(
         store: &Store,
         campaign: &Campaign,

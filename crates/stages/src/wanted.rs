@@ -1,4 +1,4 @@
-//! From the next steps to requests to workers.
+//! The requests to workers for the next steps.
 
 use std::sync::Arc;
 

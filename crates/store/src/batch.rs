@@ -3,13 +3,14 @@
 use ledger::StreamId;
 
 use crate::Error;
+use crate::blocks::SampleBlock;
 use crate::connection::Connection;
 use crate::criteria::CriteriaRow;
 use crate::derived::Derivation;
 use crate::evaluations::EvaluationRow;
 use crate::failures::FailureRow;
+use crate::receipt::Receipt;
 use crate::runs::OptimiserRunRow;
-use crate::samples::SampleBlock;
 use crate::times::JobTimeRow;
 use crate::{criteria, derived, evaluations, failures, generations, runs, samples, times};
 
@@ -66,36 +67,6 @@ impl Batch {
     }
 }
 
-/// The outcome of a committed batch. Times are not counted: they are measured and never compared.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Receipt {
-    /// Rows that were not stored before.
-    pub new_rows: u64,
-    /// Rows that were stored before with the same value.
-    pub duplicate_rows: u64,
-    /// Whether nothing was stored because the batch is out of date.
-    pub is_stale: bool,
-}
-
-impl Receipt {
-    /// The receipt of new rows.
-    pub(crate) fn new(rows: u64) -> Self {
-        Self {
-            new_rows: rows,
-            ..Self::default()
-        }
-    }
-
-    /// Counts a row.
-    pub(crate) fn count(&mut self, is_new: bool) {
-        if is_new {
-            self.new_rows += 1;
-        } else {
-            self.duplicate_rows += 1;
-        }
-    }
-}
-
 /// Stores all batches, or returns an error, after which the caller rolls back to its savepoint.
 /// Returns one receipt per batch, in order. A row that two batches contain counts as new for the
 /// first.
@@ -106,7 +77,7 @@ pub(crate) async fn insert(
     let mut receipts = vec![Receipt::default(); batches.len()];
     let mut current = Vec::new();
     for (owner, batch) in batches.iter().enumerate() {
-        if generations::is_stale(connection, batch).await? {
+        if generations::is_stale(connection, batch.only_for).await? {
             receipts[owner].is_stale = true;
         } else {
             insert_rows(connection, batch, &mut receipts[owner]).await?;
@@ -114,7 +85,11 @@ pub(crate) async fn insert(
         }
     }
     // Together: samples of neighbouring batches share a block, and each job has a time.
-    samples::insert(connection, &current, &mut receipts).await?;
+    let samples: Vec<_> = current
+        .iter()
+        .map(|(owner, batch)| (*owner, &*batch.samples))
+        .collect();
+    samples::insert(connection, &samples, &mut receipts).await?;
     let times: Vec<_> = current.iter().flat_map(|(_, batch)| &batch.times).collect();
     times::insert_jobs(connection, &times).await?;
     Ok(receipts)

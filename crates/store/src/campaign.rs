@@ -1,9 +1,9 @@
 //! The campaign that a store belongs to.
 
 use crate::Error;
-use crate::batch::Receipt;
 use crate::connection::Connection;
 use crate::derived::{self, DerivedResult};
+use crate::receipt::Receipt;
 use crate::row::{self, Columns, Row};
 
 /// The campaign that a store belongs to: its only row.

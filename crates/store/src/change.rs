@@ -2,13 +2,14 @@
 
 use ledger::StreamId;
 
-use crate::batch::{self, Batch, Receipt};
+use crate::batch::{self, Batch};
 use crate::campaign::{self, CampaignRow};
 use crate::connection::Connection;
 use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
 use crate::models::{self, ModelRow};
 use crate::optima::{self, OptimumRow};
+use crate::receipt::Receipt;
 use crate::responses::{self, ResponseRow};
 use crate::rounds::{self, NewRound};
 use crate::times::{self, StageTimeRow};
@@ -34,7 +35,7 @@ pub(crate) enum Change {
     Generations(Vec<(StreamId, u64)>),
     /// Removes the evaluations of a run.
     NoEvaluations(StreamId),
-    /// Removes what stands for failures whose reasons begin so.
+    /// Removes results that stand for failures whose reason begins with this text.
     NoFailures(String),
 }
 

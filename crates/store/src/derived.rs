@@ -1,13 +1,14 @@
-//! Derived results, what they were computed from, and their removal.
+//! Derived results: their inputs and their removal.
 
 use ledger::StreamId;
 
 use crate::Error;
-use crate::batch::Receipt;
+use crate::blocks::Streams;
 use crate::connection::Connection;
 use crate::models::ModelRow;
+use crate::receipt::Receipt;
 use crate::row::{self, Columns, Row};
-use crate::samples::{self, Streams};
+use crate::samples;
 use crate::{criteria, evaluations, generations, models, optima, responses, rounds, runs};
 
 /// A result that is computed from others.
@@ -54,7 +55,7 @@ pub struct Derivation {
     pub inputs: String,
     /// The digest of the result; `None` where no other result is computed from it.
     pub output: Option<String>,
-    /// Why there is no result: of a fit that failed.
+    /// Why there is no result, for a fit that failed.
     pub failure: Option<String>,
 }
 
@@ -147,13 +148,13 @@ pub(crate) async fn remove(
             DerivedResult::Model => models::remove(connection, ModelRow::DOE).await?,
             DerivedResult::Run(stream) => {
                 runs::remove(connection, *stream).await?;
-                forget_stream(connection, *stream).await?;
+                generations::forget(connection, *stream).await?;
             }
             DerivedResult::Round(round) => rounds::remove(connection, *round).await?,
             DerivedResult::Optimum(stream) => optima::remove(connection, *stream).await?,
             DerivedResult::Verification(stream) => {
                 samples::remove(connection, Streams::One(*stream)).await?;
-                forget_stream(connection, *stream).await?;
+                generations::forget(connection, *stream).await?;
             }
         }
         remove_named(connection, result).await?;
@@ -161,8 +162,8 @@ pub(crate) async fn remove(
     Ok(Receipt::default())
 }
 
-/// Removes what stands for failures: infinite samples, and criteria and evaluations that have one or whose reason
-/// begins with `reason`. A run goes on from its first evaluation that is removed. The receipt counts the rows removed.
+/// Removes results that stand for failures: infinite samples, and criteria and evaluations that have one or whose
+/// reason begins with `reason`. A run continues from its first removed evaluation. The receipt counts the removed rows.
 pub(crate) async fn remove_failures(
     connection: &mut Connection<'_>,
     reason: &str,
@@ -175,13 +176,4 @@ pub(crate) async fn remove_failures(
     }
     removed += criteria::remove_failed(connection, reason).await?;
     Ok(Receipt::new(removed))
-}
-
-/// Removes the evaluations and the wanted generation of a stream.
-pub(crate) async fn forget_stream(
-    connection: &mut Connection<'_>,
-    stream: StreamId,
-) -> Result<(), Error> {
-    evaluations::remove(connection, stream, 0).await?;
-    generations::remove(connection, stream).await
 }

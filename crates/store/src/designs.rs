@@ -1,8 +1,8 @@
 //! The designs of the DoE.
 
 use crate::Error;
-use crate::batch::Receipt;
 use crate::connection::Connection;
+use crate::receipt::Receipt;
 use crate::row::{self, Columns, Row};
 use crate::values::{Numbers, bytes};
 

@@ -1,4 +1,4 @@
-//! What an external simulator says of the candidates of optimiser runs.
+//! Evaluations of candidates of optimiser runs by an external simulator.
 
 use std::collections::BTreeMap;
 

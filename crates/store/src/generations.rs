@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 
 use ledger::StreamId;
 
-use crate::Error;
-use crate::batch::{Batch, Receipt};
+use crate::blocks::Streams;
 use crate::connection::Connection;
-use crate::samples::{self, Streams};
+use crate::receipt::Receipt;
+use crate::samples;
 use crate::values::{StreamKey, key};
+use crate::{Error, evaluations};
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<BTreeMap<StreamId, u64>, Error> {
     let query =
@@ -20,12 +21,12 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<BTreeMap<Stre
     Ok(generations.collect())
 }
 
-/// Whether a batch is for another generation than the wanted one.
+/// Whether a batch that is only for this stream and generation is out of date.
 pub(crate) async fn is_stale(
     connection: &mut Connection<'_>,
-    batch: &Batch,
+    only_for: Option<(StreamId, u64)>,
 ) -> Result<bool, Error> {
-    let Some((stream, generation)) = batch.only_for else {
+    let Some((stream, generation)) = only_for else {
         return Ok(false);
     };
     let stream = key(stream);
@@ -62,8 +63,14 @@ pub(crate) async fn put(
     Ok(Receipt::new(rows.len() as u64))
 }
 
-pub(crate) async fn remove(connection: &mut Connection<'_>, stream: StreamId) -> Result<(), Error> {
+async fn remove(connection: &mut Connection<'_>, stream: StreamId) -> Result<(), Error> {
     let stream = key(stream);
     let query = sqlx::query!("DELETE FROM stream_generation WHERE stream = ?", stream);
     connection.execute(query).await.map(drop)
+}
+
+/// Removes the evaluations and the wanted generation of a stream.
+pub(crate) async fn forget(connection: &mut Connection<'_>, stream: StreamId) -> Result<(), Error> {
+    evaluations::remove(connection, stream, 0).await?;
+    remove(connection, stream).await
 }

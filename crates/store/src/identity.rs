@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use crate::Error;
 use crate::filesystem::network_file_system;
-use crate::open::beside;
+use crate::paths::beside;
 
 /// A file's device and inode numbers. They are constant on systems without them.
 type Id = (u64, u64);

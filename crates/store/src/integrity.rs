@@ -12,8 +12,9 @@ use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::watch;
 
 use crate::Error;
+use crate::blocks::Streams;
 use crate::connection::Connection;
-use crate::samples::{self, Streams};
+use crate::samples;
 use crate::{
     campaign, criteria, derived, designs, evaluations, infill, models, optima, responses, rounds,
     runs,

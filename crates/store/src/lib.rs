@@ -54,6 +54,7 @@
 #![warn(missing_docs)]
 
 mod batch;
+mod blocks;
 mod campaign;
 mod cause;
 mod change;
@@ -77,8 +78,9 @@ mod missing;
 mod models;
 mod open;
 mod optima;
-
+mod paths;
 mod progress;
+mod receipt;
 mod responses;
 mod rounds;
 mod row;
@@ -91,7 +93,8 @@ mod times;
 mod values;
 mod writer;
 
-pub use batch::{Batch, Receipt};
+pub use batch::Batch;
+pub use blocks::SampleBlock;
 pub use campaign::CampaignRow;
 pub use criteria::CriteriaRow;
 pub use derived::{Derivation, DerivedResult};
@@ -106,10 +109,10 @@ pub use missing::MissingWork;
 pub use models::ModelRow;
 pub use optima::OptimumRow;
 pub use progress::Progress;
+pub use receipt::Receipt;
 pub use responses::ResponseRow;
 pub use rounds::{NewRound, RoundRow, UnsampledPoint};
 pub use runs::OptimiserRunRow;
-pub use samples::SampleBlock;
 pub use store::Store;
 pub use tally::SampleTally;
 pub use times::{JobTimeRow, StageTimeRow};

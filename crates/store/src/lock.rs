@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::identity;
-use crate::open::beside;
+use crate::paths::beside;
 
 /// An exclusive lock on a store, held while this value lives.
 #[derive(Debug)]

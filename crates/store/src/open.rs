@@ -5,7 +5,7 @@
 //! one that can be opened.
 
 use std::fs::{self, File};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -17,6 +17,7 @@ use crate::connection::{Connection, Readers};
 use crate::identity::{self, FileIdentity};
 use crate::integrity::{self, Integrity, ReadOptions};
 use crate::lock::Lock;
+use crate::paths::{beside, exists, resolve};
 use crate::store::Store;
 use crate::{Error, commits, schema, writer};
 
@@ -197,43 +198,11 @@ impl Store {
     }
 }
 
-/// The canonical path of a file, whatever symbolic links lead to it: SQLite derives the log's name
-/// from it.
-fn resolve(path: &Path) -> Result<PathBuf, Error> {
-    let failed = |e| Error::io("find", path, e);
-    if exists(path)? {
-        return fs::canonicalize(path).map_err(failed);
-    }
-    let name = path.file_name().ok_or_else(|| {
-        failed(std::io::Error::new(
-            std::io::ErrorKind::InvalidInput,
-            "the path has no file name: give the store's file, not a folder",
-        ))
-    })?;
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    Ok(fs::canonicalize(folder).map_err(failed)?.join(name))
-}
-
-fn exists(path: &Path) -> Result<bool, Error> {
-    path.try_exists()
-        .map_err(|e| Error::io("look for", path, e))
-}
-
 /// Size of the file and its log, in bytes.
 fn size(path: &Path) -> Result<u64, Error> {
     let file = fs::metadata(path).map_err(|e| Error::io("stat", path, e))?;
     let log = fs::metadata(beside(path, "-wal"));
     Ok(file.len() + log.map_or(0, |log| log.len()))
-}
-
-/// `path` with `suffix` appended to its name, as SQLite names its auxiliary files.
-pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(suffix);
-    PathBuf::from(name)
 }
 
 /// Builds the store under a temporary name and renames it when it is complete.
@@ -361,8 +330,8 @@ pub(crate) mod tests {
     use ledger::StreamId;
 
     use crate::batch::Batch;
+    use crate::blocks::SampleBlock;
     use crate::designs::DesignRow;
-    use crate::samples::SampleBlock;
 
     pub(crate) fn campaign() -> CampaignRow {
         CampaignRow {

@@ -1,8 +1,8 @@
-//! How far a campaign is.
+//! The progress of a campaign.
 
 use crate::Error;
+use crate::blocks::Streams;
 use crate::connection::Connection;
-use crate::samples::Streams;
 
 /// The progress of a campaign, with all counts of the same moment.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

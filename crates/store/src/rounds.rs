@@ -3,13 +3,14 @@
 use ledger::StreamId;
 
 use crate::Error;
-use crate::batch::Receipt;
+use crate::blocks::Streams;
 use crate::connection::Connection;
-use crate::derived;
+use crate::generations;
 use crate::infill::{self, InfillRow};
 use crate::models::{self, ModelRow};
+use crate::receipt::Receipt;
 use crate::row::{self, Columns, Row};
-use crate::samples::{self, Streams};
+use crate::samples;
 
 /// The decision of one round of infill.
 #[derive(Debug, Clone, PartialEq)]
@@ -143,7 +144,7 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, round: u64) -> Resul
         if point.round == round {
             let stream = StreamId::point(point.number);
             samples::remove(connection, Streams::One(stream)).await?;
-            derived::forget_stream(connection, stream).await?;
+            generations::forget(connection, stream).await?;
         } else if point.round + 1 == round && point.failed {
             point.failed = false;
             infill::mark(connection, &point).await?;

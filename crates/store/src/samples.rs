@@ -8,95 +8,17 @@ use ledger::{Kind, StreamId};
 use tokio_stream::StreamExt as _;
 
 use crate::Error;
-use crate::batch::{Batch, Receipt};
+use crate::blocks::{SampleBlock, Streams};
 use crate::connection::Connection;
 use crate::designs;
-use crate::row::{self, Columns, Row};
+use crate::receipt::Receipt;
+use crate::row::{self, Row};
 use crate::tally::{self, SampleTally, TallyRow};
 use crate::values::{Numbers, StreamKey, bytes, key, number};
 
 /// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
 /// reader.
 const LONGEST: usize = 4096;
-
-/// Consecutive samples of one stream.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SampleBlock {
-    /// The design, optimum or infill point.
-    pub stream: StreamId,
-    /// Index of the first sample.
-    pub first_sample: u64,
-    /// The sampled response. An infinite value stands for a sample that failed.
-    pub samples: Vec<f64>,
-}
-
-impl SampleBlock {
-    /// The index after the last sample.
-    #[must_use]
-    pub fn end(&self) -> u64 {
-        self.first_sample.saturating_add(self.samples.len() as u64)
-    }
-
-    /// The samples with their indices.
-    pub fn indexed(&self) -> impl Iterator<Item = (u64, f64)> {
-        (self.first_sample..self.end()).zip(self.samples.iter().copied())
-    }
-
-    /// Refuses samples that SQLite would not return unchanged.
-    fn refuse_unstorable(&self) -> Result<(), Error> {
-        let last = (self.samples.len() as u64).saturating_sub(1);
-        let last = self.first_sample.saturating_add(last);
-        if i64::try_from(last).is_err() {
-            return Err(Error::TooLarge {
-                column: "sample_block.first_sample".to_owned(),
-                value: last,
-            });
-        }
-        match self.indexed().find(|(_, value)| value.is_nan()) {
-            None => Ok(()),
-            Some((sample, value)) => Err(Error::NotFinite {
-                column: "sample_block.samples".to_owned(),
-                key: format!("sample {sample} of {}", self.stream),
-                value,
-            }),
-        }
-    }
-}
-
-impl Row for SampleBlock {
-    const TABLE: &'static str = "sample_block";
-
-    fn key(&self) -> String {
-        format!("first_sample {} of {}", self.first_sample, self.stream)
-    }
-
-    fn add_to(&self, columns: &mut Columns) {
-        columns
-            .stream(self.stream)
-            .count("first_sample", self.first_sample)
-            .outcomes("samples", &self.samples);
-    }
-}
-
-/// A set of streams.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Streams {
-    /// The designs of the DoE.
-    Designs,
-    One(StreamId),
-    All,
-}
-
-impl Streams {
-    /// The least and the greatest key.
-    pub(crate) fn keys(self) -> (i64, i64) {
-        match self {
-            Self::Designs => (0, key(StreamId::point(0)) - 1),
-            Self::One(stream) => (key(stream), key(stream)),
-            Self::All => (0, i64::MAX),
-        }
-    }
-}
 
 /// A sample of a batch.
 #[derive(Debug, Clone, Copy)]
@@ -111,12 +33,12 @@ struct Offer {
 /// Stores the new samples of batches, each given with the index of its receipt, and updates the tallies.
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
-    batches: &[(usize, &Batch)],
+    batches: &[(usize, &[SampleBlock])],
     receipts: &mut [Receipt],
 ) -> Result<(), Error> {
     let mut offers: Vec<Offer> = Vec::new();
-    for (owner, batch) in batches {
-        for block in &batch.samples {
+    for (owner, blocks) in batches {
+        for block in *blocks {
             block.refuse_unstorable()?;
             offers.extend(block.indexed().map(|(sample, value)| Offer {
                 owner: *owner,

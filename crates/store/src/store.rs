@@ -7,7 +7,7 @@ use std::sync::Arc;
 use ledger::{Kind, StreamId};
 
 use crate::Error;
-use crate::batch::Receipt;
+use crate::blocks::{SampleBlock, Streams};
 use crate::campaign::{self, CampaignRow};
 use crate::change::Change;
 use crate::connection::{Connection, Readers};
@@ -23,10 +23,11 @@ use crate::missing::{self, MissingWork};
 use crate::models::{self, ModelRow};
 use crate::optima::{self, OptimumRow};
 use crate::progress::{self, Progress};
+use crate::receipt::Receipt;
 use crate::responses::{self, ResponseRow};
 use crate::rounds::{self, NewRound, RoundRow};
 use crate::runs::{self, OptimiserRunRow};
-use crate::samples::{self, SampleBlock, Streams};
+use crate::samples;
 use crate::tally::{self, SampleTally};
 use crate::times::{self, JobTimeRow, StageTimeRow};
 use crate::writer::Writer;
@@ -261,7 +262,7 @@ impl Store {
         self.put(Change::Removal(results.to_vec())).await.map(drop)
     }
 
-    /// Removes what stands for failures, so that it is computed again: infinite samples, and criteria and
+    /// Removes results that stand for failures, so that they are computed again: infinite samples, and criteria and
     /// evaluations that have one or whose reason begins with `reason`. A run goes on from its first evaluation that
     /// is removed.
     /// Returns the number of rows removed.

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use ledger::StreamId;
 
 use crate::Error;
+use crate::blocks::{SampleBlock, Streams};
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
 use crate::row::{self, Columns, Row};
-use crate::samples::{SampleBlock, Streams};
 use crate::values::{StreamKey, key};
 
 /// What is known of a stream's samples without reading them.

@@ -3,8 +3,8 @@
 use ledger::StreamId;
 
 use crate::Error;
-use crate::batch::Receipt;
 use crate::connection::Connection;
+use crate::receipt::Receipt;
 use crate::values::{StreamKey, key};
 
 /// The measured cost of a job.
@@ -12,7 +12,7 @@ use crate::values::{StreamKey, key};
 pub struct JobTimeRow {
     /// The stream.
     pub stream: StreamId,
-    /// What tells the jobs of one stream apart.
+    /// The key of the job within its stream.
     pub part: u64,
     /// Processor time, in seconds. It is measured and therefore never compared: the first value is
     /// kept.

@@ -11,12 +11,13 @@ use std::time::Duration;
 use sqlx::sqlite::SqliteConnectOptions;
 use tokio::sync::{mpsc, oneshot};
 
-use crate::batch::{Batch, Receipt};
+use crate::batch::Batch;
 use crate::change::{self, Change};
 use crate::connection::Connection;
 use crate::identity::FileIdentity;
 use crate::integrity::Integrity;
 use crate::lock::Lock;
+use crate::receipt::Receipt;
 use crate::{Error, commits, fail_point};
 
 /// Number of batches in the queue before `submit` waits.

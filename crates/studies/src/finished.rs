@@ -8,7 +8,6 @@ use campaign::{Approach, Campaign, Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
 use results::status;
-use stages::plan;
 use stages::state::State;
 use store::Store;
 
@@ -118,7 +117,9 @@ pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
         ..State::default()
     };
     // A finished campaign has them.
-    plan::base(problem, &state).unwrap_or_else(|| problem.base().clone())
+    state
+        .base(problem)
+        .unwrap_or_else(|| problem.base().clone())
 }
 
 /// [`base`] for a campaign without a store: if the variables come from the optimum without wear, this

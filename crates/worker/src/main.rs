@@ -95,7 +95,7 @@ fn main() -> ExitCode {
         let shutdown = CancellationToken::new();
         tokio::spawn(runner::console::watch_signals(
             shutdown.clone(),
-            "leaving: finishing what is being computed; Ctrl-C once more leaves at once",
+            "leaving: finishing the running jobs; Ctrl-C again leaves at once",
         ));
         if let (Some(shard), Some(out)) = (&arguments.shard, &arguments.out) {
             return compute_shard(shard, out, options, shutdown).await;

@@ -18,7 +18,7 @@ use stats::streams::{Purpose, stream};
 
 use super::{print_either, read};
 use crate::arguments;
-use runner::coordinator::compute::thread_seconds;
+use runner::cpu::thread_seconds;
 
 /// The plan of a campaign.
 #[derive(Serialize)]

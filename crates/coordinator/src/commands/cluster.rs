@@ -125,7 +125,7 @@ fn describe(simulated: &[ScenarioResult]) -> String {
             "{workers:>8}{slots:>7}{sample:>11}{rate:>13.1}{busy:>7.1}%{calls:>10.1}{bytes:>10.1}{lost:>9}{cores:>8.3}\n"
         );
     }
-    text + "\ncores: processors that the coordinator keeps busy; busy: share of the slots' time that was of use\n"
+    text + "\ncores: processors that the coordinator keeps busy; busy: share of the slots' time spent on samples that count\n"
 }
 
 fn chart(simulated: &[ScenarioResult]) -> TradeoffChart {

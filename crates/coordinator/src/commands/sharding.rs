@@ -62,7 +62,6 @@ impl HasExitCode for MergeError {
     }
 }
 
-/// The result of `plan`.
 #[derive(Serialize)]
 struct PlanResult {
     schema_version: u32,
@@ -190,7 +189,6 @@ async fn leases(board: &Board) -> Vec<Lease> {
     }
 }
 
-/// The result of `merge`.
 #[derive(Serialize)]
 struct MergeResult {
     schema_version: u32,

@@ -22,7 +22,6 @@ use tracing_subscriber::util::SubscriberInitExt as _;
 /// The environment variable that sets the log levels.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
 
-/// The format of the log.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum LogFormat {
     /// Lines for people.
@@ -43,10 +42,6 @@ pub struct BadLogLevel {
 }
 
 /// Starts logging to standard error. Colour is used only on a terminal and without `NO_COLOR`.
-///
-/// # Errors
-///
-/// The environment variable [`LOG_VARIABLE`] is invalid.
 pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
     let levels = match std::env::var_os(LOG_VARIABLE) {
         None => Targets::new().with_default(LevelFilter::INFO),

@@ -104,7 +104,6 @@ impl Board {
         self.epoch
     }
 
-    /// Duration of a lease.
     #[must_use]
     pub fn lease_time(&self) -> Duration {
         self.lock().ledger.lease_time()

@@ -1,6 +1,6 @@
 //! Computations outside the threads of the async runtime.
 
-use rustix::time::{ClockId, clock_gettime};
+use crate::cpu::thread_seconds;
 
 /// Runs `work` on separate compute threads, one per processor. Also returns their CPU time, in
 /// seconds.
@@ -14,11 +14,4 @@ pub(crate) async fn blocking<T: Send + 'static>(
         Ok((result, times.iter().sum()))
     };
     tokio::task::spawn_blocking(timed).await?
-}
-
-/// CPU time of this thread, in seconds.
-#[must_use]
-pub fn thread_seconds() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

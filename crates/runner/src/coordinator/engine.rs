@@ -28,7 +28,6 @@ use crate::coordinator::stopwatch::Stopwatch;
 pub struct Engine {
     /// The campaign's problem.
     pub problem: Arc<Problem>,
-    /// The store.
     pub store: Store,
     /// The missing jobs, and the workers that compute them.
     pub board: Arc<Board>,
@@ -62,20 +61,12 @@ impl Engine {
     }
 
     /// Runs all stages until nothing is missing. Returns none if `shutdown` or a drain came first.
-    ///
-    /// # Errors
-    ///
-    /// The store fails, or a local step does.
     pub async fn run(&self, shutdown: &CancellationToken) -> anyhow::Result<Option<CampaignEnd>> {
         self.advance(shutdown, true).await
     }
 
     /// Runs until only workers can continue; their jobs are on the board then. Returns [`CampaignEnd`] if
     /// nothing is missing.
-    ///
-    /// # Errors
-    ///
-    /// The store fails, or a local step does.
     pub async fn run_to_jobs(
         &self,
         shutdown: &CancellationToken,
@@ -118,7 +109,7 @@ impl Engine {
                 quarantined,
                 ..read.await?
             };
-            let base = plan::base(problem, &state);
+            let base = state.base(problem);
             let next = plan::next(problem, &self.inputs, &state);
             if !next.outdated.is_empty() {
                 let outdated: Vec<String> = next.outdated.iter().map(DerivedResult::name).collect();

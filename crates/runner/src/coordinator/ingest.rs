@@ -11,7 +11,6 @@ use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleBlock};
 /// The result of one unit, read and checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckedResult {
-    /// The unit.
     pub unit: Unit,
     /// The rows to store, or the error of a failed job.
     pub rows: Result<Batch, String>,
@@ -70,10 +69,6 @@ pub fn read(
 }
 
 /// The rows of a unit's output.
-///
-/// # Errors
-///
-/// The output is implausible, or not what the unit asks for.
 pub(crate) fn rows(
     problem: &Problem,
     unit: &Unit,

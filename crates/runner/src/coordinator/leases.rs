@@ -16,10 +16,6 @@ use crate::coordinator::recorder::Recorder;
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
 
 /// Ends expired leases until it is dropped, and records the possible crashes.
-///
-/// # Errors
-///
-/// A crash cannot be recorded.
 pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<(), store::Error> {
     let mut period = tokio::time::interval(EXPIRY_PERIOD);
     period.set_missed_tick_behavior(MissedTickBehavior::Delay);

@@ -15,7 +15,7 @@
 )]
 
 pub mod board;
-pub mod compute;
+mod compute;
 pub mod engine;
 pub mod ingest;
 mod leases;

@@ -23,7 +23,6 @@ pub trait Recorder: Clone + Send + Sync + 'static {
     async fn status(&self) -> anyhow::Result<Status>;
 }
 
-/// A recorder that writes to a store.
 #[derive(Debug, Clone)]
 pub struct StoreRecorder {
     store: Store,
@@ -34,10 +33,6 @@ pub struct StoreRecorder {
 
 impl StoreRecorder {
     /// Creates a recorder of this store.
-    ///
-    /// # Errors
-    ///
-    /// The store was opened for reading.
     pub fn new(store: &Store) -> Result<Self, store::Error> {
         Ok(Self {
             store: store.clone(),

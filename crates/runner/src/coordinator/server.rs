@@ -38,7 +38,6 @@ const OBSERVING_PERIOD: Duration = Duration::from_millis(500);
 /// The settings of a run.
 #[derive(Debug)]
 pub struct Plan {
-    /// The campaign.
     pub campaign: Campaign,
     /// The text of the campaign file.
     pub file_text: String,
@@ -54,7 +53,6 @@ pub struct Plan {
     pub keep_serving: bool,
     /// Whether results that stand for failures are computed again.
     pub retry_failed: bool,
-    /// Duration of a lease.
     pub lease: Duration,
     /// The address of the live page, if any.
     pub http: Option<SocketAddr>,
@@ -70,7 +68,6 @@ pub enum Outcome {
     Finished {
         /// The names of the quarantined streams.
         quarantined: Vec<String>,
-        /// The report.
         report: PathBuf,
     },
     /// A signal or a drain came first.
@@ -78,10 +75,6 @@ pub enum Outcome {
 }
 
 /// Runs a campaign to its end, or until `shutdown`.
-///
-/// # Errors
-///
-/// The store fails, an address cannot be used, or a stage fails.
 pub async fn run(
     plan: Plan,
     observer: Option<Observer>,
@@ -121,10 +114,6 @@ pub async fn run(
 
 /// Opens or creates the store of a campaign. The store of a campaign that this one
 /// [extends](Campaign::extends) is extended.
-///
-/// # Errors
-///
-/// The store is of another campaign, or cannot be used.
 pub async fn open_store(
     problem: &Problem,
     file_text: &str,

@@ -48,10 +48,6 @@ pub struct Access {
 
 impl Access {
     /// Reads an access file.
-    ///
-    /// # Errors
-    ///
-    /// The file does not exist, cannot be read, can be read by others, or is not an access file.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let text = secret_file::read(path)?;
         // The parser's full message would quote the line, which may hold a token.
@@ -109,10 +105,6 @@ pub(crate) fn malformed(path: &Path, reason: String) -> Error {
 }
 
 /// The default folder of access files: `pitchline` in `XDG_STATE_HOME` or in `~/.local/state`.
-///
-/// # Errors
-///
-/// Neither `XDG_STATE_HOME` nor `HOME` is set.
 pub fn folder() -> Result<PathBuf, Error> {
     let set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
     let state = set("XDG_STATE_HOME")
@@ -122,10 +114,6 @@ pub fn folder() -> Result<PathBuf, Error> {
 }
 
 /// The default access file of the campaign with this name.
-///
-/// # Errors
-///
-/// See [`folder`].
 pub fn default_file(campaign: &str) -> Result<PathBuf, Error> {
     Ok(folder()?.join(format!("{campaign}.{ENDING}")))
 }

@@ -12,27 +12,18 @@ use serde::{Deserialize, Serialize};
 pub struct Address {
     /// The host's name or IP address, without brackets.
     pub host: String,
-    /// The port.
     pub port: u16,
 }
 
 /// The error of a text that is not an address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum AddressError {
-    /// The text is not `HOST:PORT`.
     #[error("{text:?} is not a coordinator address: give HOST:PORT, such as 127.0.0.1:7400")]
-    Address {
-        /// The given text.
-        text: String,
-    },
-    /// The text is not a host.
+    Address { text: String },
     #[error(
         "{text:?} is not a host: give a name or address, such as head.example.org or 192.0.2.7"
     )]
-    Host {
-        /// The given text.
-        text: String,
-    },
+    Host { text: String },
 }
 
 impl FromStr for Address {
@@ -84,10 +75,6 @@ impl From<Address> for String {
 
 /// Parses a host: an IP address, or letters, digits, hyphens and underscores between dots. RFC 1123
 /// has no underscores, but names of containers do.
-///
-/// # Errors
-///
-/// [`AddressError::Host`].
 pub fn host(text: &str) -> Result<String, AddressError> {
     let label = |label: &str| {
         (1..=63).contains(&label.len())

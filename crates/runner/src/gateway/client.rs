@@ -1,5 +1,5 @@
-//! How workers and commands find their coordinator: the command-line options, and the access file
-//! that they mean.
+//! The command-line options by which workers and commands find their coordinator, and the choice of the
+//! access file.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -36,10 +36,6 @@ impl ConnectArguments {
     ///
     /// Its secrets come from an access file: the given one, the one that contains the given
     /// address, or the only one in the default folder.
-    ///
-    /// # Errors
-    ///
-    /// No access file is found, there are several to choose from, or the file cannot be used.
     pub fn link(&self, role: Role) -> Result<Link, Error> {
         let file = match (&self.access, &self.connect) {
             (Some(path), connect) => return Link::new(path.clone(), connect.clone(), role),
@@ -51,10 +47,6 @@ impl ConnectArguments {
 
     /// Like [`ConnectArguments::link`], but waits up to `patience` for a missing access file, for
     /// example when worker and coordinator are started together.
-    ///
-    /// # Errors
-    ///
-    /// See [`ConnectArguments::link`].
     pub async fn link_within(&self, role: Role, patience: Duration) -> Result<Link, Error> {
         let since = Instant::now();
         let mut has_complained = false;

@@ -1,4 +1,4 @@
-//! The errors of this crate.
+//! The errors of access files and of the communication with a coordinator.
 
 use std::io;
 use std::path::PathBuf;
@@ -11,128 +11,53 @@ use crate::gateway::tls::TlsFault;
 /// An error of an access file, or one that ends a program's communication with its coordinator.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// There is no access file, or none yet.
     #[error(
         "no coordinator's access file {place}: start `coordinator serve` on this machine, or give a \
          copy of its file with --access FILE"
     )]
-    NoAccess {
-        /// The place where it was expected.
-        place: String,
-    },
-    /// The default folder has several access files.
+    NoAccess { place: String },
     #[error("there are several coordinators: choose one with --access FILE ({files})")]
-    SeveralCoordinators {
-        /// Their access files.
-        files: String,
-    },
-    /// No default folder is known.
+    SeveralCoordinators { files: String },
     #[error("neither XDG_STATE_HOME nor HOME is set: say where the access file is, --access FILE")]
     NoFolder,
-    /// The file cannot be read.
     #[error("cannot read {}: {reason}", path.display())]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The error of the operating system.
-        reason: io::Error,
-    },
-    /// Others can read the file.
+    Unreadable { path: PathBuf, reason: io::Error },
     #[error(
         "{} can be read by others (its mode is {mode:03o}): chmod 600 {}",
         path.display(), path.display()
     )]
-    Exposed {
-        /// The file.
-        path: PathBuf,
-        /// Its permission bits.
-        mode: u32,
-    },
-    /// The file is not an access file, or not one of this coordinator.
+    Exposed { path: PathBuf, mode: u32 },
     #[error("the access file {} cannot be used: {reason}", path.display())]
-    Malformed {
-        /// The file.
-        path: PathBuf,
-        /// The fault of the file.
-        reason: String,
-    },
-    /// Another coordinator uses the file.
+    Malformed { path: PathBuf, reason: String },
     #[error(
         "another coordinator uses the access file {}: stop it, or give this one a file of its own \
          with --access FILE",
         path.display()
     )]
-    InUse {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The file cannot be written.
+    InUse { path: PathBuf },
     #[error("cannot write {}: {reason}", path.display())]
-    Write {
-        /// The file or its folder.
-        path: PathBuf,
-        /// The error of the operating system.
-        reason: io::Error,
-    },
-    /// The certificate or the tokens cannot be made.
+    Write { path: PathBuf, reason: io::Error },
     #[error("cannot make a certificate and tokens: {reason}")]
-    Secrets {
-        /// The error of the random numbers or of the certificate.
-        reason: String,
-    },
-    /// The TLS handshake failed because of the certificate or the protocol.
+    Secrets { reason: String },
     #[error("the coordinator at {address} {fault}")]
-    Tls {
-        /// The coordinator's address.
-        address: String,
-        /// The fault.
-        fault: TlsFault,
-    },
-    /// No coordinator ever answered.
+    Tls { address: String, fault: TlsFault },
     #[error(
         "no coordinator answers at {address} ({reason}): is `coordinator serve` running, and does it \
          listen on that address?"
     )]
-    Unreachable {
-        /// The coordinator's address.
-        address: String,
-        /// The error of the last attempt.
-        reason: String,
-    },
-    /// The coordinator answered before, but has been away for too long.
+    Unreachable { address: String, reason: String },
     #[error("the coordinator at {address} has been away for {seconds} s; giving up")]
-    Away {
-        /// The coordinator's address.
-        address: String,
-        /// Time without an answer.
-        seconds: u64,
-    },
-    /// The coordinator refused this program permanently.
+    Away { address: String, seconds: u64 },
     #[error("the coordinator at {address} refused: {message}")]
     Refused {
-        /// The coordinator's address.
         address: String,
-        /// The kind of refusal.
         refusal: Refusal,
-        /// The coordinator's message.
         message: String,
     },
-    /// The coordinator's answer violates the protocol.
     #[error("the coordinator at {address} sent an invalid answer: {reason}")]
-    InvalidAnswer {
-        /// The coordinator's address.
-        address: String,
-        /// The violation.
-        reason: String,
-    },
-    /// The coordinator could not carry out the request.
+    InvalidAnswer { address: String, reason: String },
     #[error("the coordinator at {address} could not answer: {reason}")]
-    Failed {
-        /// The coordinator's address.
-        address: String,
-        /// The coordinator's message.
-        reason: String,
-    },
+    Failed { address: String, reason: String },
 }
 
 impl Error {

@@ -32,7 +32,6 @@ pub(crate) enum RequiredToken {
     Token(Role),
 }
 
-/// The rule for one method.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rule {
     /// `/package.Service/Method`.

@@ -84,10 +84,6 @@ pub fn local() -> (Dial, LocalListener) {
 }
 
 /// Serves the campaign, health and reflection services on the `listeners` until `hang_up`.
-///
-/// # Errors
-///
-/// The server failed.
 pub async fn serve<C: Campaign>(
     campaign: C,
     listeners: Listeners,

@@ -16,10 +16,6 @@ const LARGEST: u64 = 1 << 20;
 const MODE: u32 = 0o600;
 
 /// Reads the file at `path`.
-///
-/// # Errors
-///
-/// The file does not exist ([`Error::NoAccess`]), cannot be read, or can be read by others.
 pub(crate) fn read(path: &Path) -> Result<String, Error> {
     let unreadable = |reason: io::Error| match reason.kind() {
         io::ErrorKind::NotFound => Error::NoAccess {
@@ -47,10 +43,6 @@ pub(crate) fn read(path: &Path) -> Result<String, Error> {
 }
 
 /// Opens the file at `path` for a lock; creates it if it does not exist.
-///
-/// # Errors
-///
-/// The file cannot be opened.
 pub(crate) fn open(path: &Path) -> Result<File, Error> {
     OpenOptions::new()
         .read(true)
@@ -63,10 +55,6 @@ pub(crate) fn open(path: &Path) -> Result<File, Error> {
 }
 
 /// Rewrites the file at `path` in place, so that a lock on it stays.
-///
-/// # Errors
-///
-/// The file cannot be written.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), Error> {
     OpenOptions::new()
         .write(true)
@@ -82,10 +70,6 @@ pub(crate) fn write(path: &Path, text: &str) -> Result<(), Error> {
 }
 
 /// Replaces the file at `path`, so that a reader finds the old text or the new one.
-///
-/// # Errors
-///
-/// The file cannot be written.
 pub(crate) fn replace(path: &Path, text: &str) -> Result<(), Error> {
     let draft: PathBuf = path.with_extension("part");
     write(&draft, text)?;

@@ -25,27 +25,21 @@ pub(crate) fn server_name() -> ServerName<'static> {
 /// address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum TlsFault {
-    /// The coordinator's certificate is not that of the access file.
     #[error(
         "shows a certificate that is not in the access file: take the access file of this coordinator"
     )]
     Untrusted,
-    /// The coordinator's certificate has expired.
     #[error(
         "shows a certificate that has expired: stop it, remove its access file, start it again, and \
          take the new file"
     )]
     Expired,
-    /// The coordinator's certificate is not valid yet.
     #[error("shows a certificate that is not valid yet: is the clock of this machine right?")]
     NotYetValid,
-    /// Another flaw of the coordinator's certificate.
     #[error("shows a certificate that cannot be used ({0})")]
     Unusable(String),
-    /// The peer speaks another protocol.
     #[error("does not speak TLS: is it a coordinator?")]
     NoTls,
-    /// The two TLS implementations share no version or parameters.
     #[error("speaks another kind of TLS ({0}): this program speaks TLS 1.3 with HTTP/2")]
     Incompatible(String),
 }

@@ -66,7 +66,6 @@ impl fmt::Debug for Token {
 pub(crate) struct InvalidToken;
 
 impl Token {
-    /// Makes a token from random bytes.
     pub(crate) fn new(role: Role, random: [u8; TOKEN_BYTES]) -> Self {
         let digits = random.iter().map(|byte| format!("{byte:02x}"));
         let text = role.prefix().to_owned() + &digits.collect::<String>();

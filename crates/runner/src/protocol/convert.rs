@@ -87,7 +87,6 @@ impl TryFrom<&v1::Unit> for Unit {
     }
 }
 
-/// The message of a design.
 fn design_message(design: &Design) -> v1::Design {
     v1::Design {
         values: design.values().to_vec(),
@@ -130,17 +129,12 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v1::Lease {
 }
 
 impl v1::Lease {
-    /// The id of the lease.
     #[must_use]
     pub fn name(&self) -> LeaseId {
         self.id.unwrap_or_default().into()
     }
 
     /// The units to compute, each with the data that this takes.
-    ///
-    /// # Errors
-    ///
-    /// The message is malformed.
     pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
         let mut designs = self.designs.iter();
         let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
@@ -318,10 +312,6 @@ impl v1::UnitResult {
 }
 
 /// The content of a result: the unit that it covers, and its output or the error.
-///
-/// # Errors
-///
-/// The message is malformed.
 pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>), Malformed> {
     let Some(unit) = &result.unit else {
         return malformed("names no unit");

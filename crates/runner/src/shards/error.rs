@@ -8,31 +8,12 @@ use crate::exit::{self, HasExitCode};
 /// An error of a shard or a part.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The file cannot be read or written.
     #[error("cannot use {}: {reason}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        reason: io::Error,
-    },
-    /// The file is not a shard.
+    Io { path: PathBuf, reason: io::Error },
     #[error("{} is not a shard of `coordinator plan`: {reason}", path.display())]
-    NotAShard {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        reason: String,
-    },
-    /// The file is not a part.
+    NotAShard { path: PathBuf, reason: String },
     #[error("{} is not a part of `worker --shard`: {reason}", path.display())]
-    NotAPart {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        reason: String,
-    },
-    /// A record of a part does not match its checksum.
+    NotAPart { path: PathBuf, reason: String },
     #[error(
         "{} is damaged at byte {at}: remove it, and {}",
         path.display(),
@@ -42,35 +23,22 @@ pub enum Error {
         }
     )]
     Damaged {
-        /// The file.
         path: PathBuf,
         /// The byte at which the record begins.
         at: u64,
         /// The shard's number; none for a worker's undelivered results.
         shard: Option<u32>,
     },
-    /// The file is of another build than the program.
     #[error(
         "{} is of build {theirs}, this program is build {}: use the same build for `plan`, `worker` and `merge`",
         path.display(), crate::identity::BUILD
     )]
-    Build {
-        /// The file.
-        path: PathBuf,
-        /// The file's build.
-        theirs: String,
-    },
-    /// The part exists and belongs to another shard.
+    Build { path: PathBuf, theirs: String },
     #[error(
         "{} holds results of another shard, of plan {theirs}: choose another file with --out",
         path.display()
     )]
-    OtherShard {
-        /// The file.
-        path: PathBuf,
-        /// The plan of the results in the file.
-        theirs: String,
-    },
+    OtherShard { path: PathBuf, theirs: String },
 }
 
 impl Error {

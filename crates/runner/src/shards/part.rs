@@ -75,7 +75,6 @@ impl Header {
 pub struct Part {
     /// The file.
     pub path: PathBuf,
-    /// The header.
     pub header: Header,
     /// The results of the leases, in the order of their reports.
     pub results: Vec<LeaseResult>,
@@ -85,10 +84,6 @@ pub struct Part {
 
 impl Part {
     /// Reads a part; a truncated record at its end is left out.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be read, is not a part, is damaged, or is of another build.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let mut bytes = Vec::new();
         File::open(path)
@@ -175,7 +170,6 @@ pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     covered >= end
 }
 
-/// A writer of a part.
 #[derive(Debug)]
 pub(crate) struct PartWriter {
     path: PathBuf,

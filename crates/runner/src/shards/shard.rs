@@ -65,10 +65,6 @@ impl Shard {
     }
 
     /// Writes the shard as `N.json` in a folder. The file is whole or does not exist.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<PathBuf, Error> {
         let path = folder.join(format!("{}.json", self.shard));
         let json = serde_json::to_vec(self).map_err(std::io::Error::from);
@@ -77,11 +73,6 @@ impl Shard {
         Ok(path)
     }
 
-    /// Reads a shard.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be read, is not a shard, or is of another build.
     pub fn read(path: &Path) -> Result<Self, Error> {
         let text = fs::read(path).map_err(Error::io(path))?;
         let not = |reason: String| Error::NotAShard {

@@ -27,10 +27,6 @@ pub struct UndeliveredFile {
 
 impl UndeliveredFile {
     /// Creates the file of a worker, and its folder.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be written.
     pub fn create(
         folder: &Path,
         worker: &str,
@@ -59,7 +55,6 @@ impl UndeliveredFile {
         })
     }
 
-    /// The file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -78,10 +73,6 @@ impl UndeliveredFile {
     }
 
     /// Adds the results of leases that are not in the file yet, and waits until they are on disk.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be written.
     pub fn keep(&mut self, results: Vec<LeaseResult>) -> Result<(), Error> {
         let of = |result: &LeaseResult| key(result.id.unwrap_or_default());
         let mut results = results;
@@ -92,10 +83,6 @@ impl UndeliveredFile {
     }
 
     /// Removes the file: its results are delivered.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be removed.
     pub fn remove(self) -> Result<(), Error> {
         fs::remove_file(&self.path).map_err(Error::io(&self.path))
     }
@@ -147,10 +134,6 @@ impl OrphanFile {
     }
 
     /// Removes the file: its results are delivered.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be removed.
     pub fn remove(self) -> Result<(), Error> {
         fs::remove_file(&self.part.path).map_err(Error::io(&self.part.path))
     }

@@ -5,29 +5,14 @@ use crate::exit::{self, HasExitCode};
 /// An error that ends a worker.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The coordinator cannot be reached, or refused.
     #[error(transparent)]
     Gateway(#[from] crate::gateway::Error),
-    /// The campaign needs another simulator than the one that this worker has.
     #[error("{reason}")]
-    WrongSimulator {
-        /// The mismatch, and the options that resolve it.
-        reason: String,
-    },
-    /// The external simulator fails on the probe questions, which every worker asks first.
+    WrongSimulator { reason: String },
     #[error("the external simulator is unusable: {reason}")]
-    Program {
-        /// The program's failure.
-        reason: String,
-    },
-    /// The compute threads cannot be started.
+    Program { reason: String },
     #[error("cannot start {slots} compute threads: {reason}")]
-    Threads {
-        /// The number of threads.
-        slots: usize,
-        /// The system's error.
-        reason: String,
-    },
+    Threads { slots: usize, reason: String },
 }
 
 impl HasExitCode for Error {

@@ -2,7 +2,7 @@
 //! files.
 //!
 //! A slot keeps a process over many requests. A process that dies, sends a malformed answer or
-//! takes too long fails the current job, and the next job gets a new process. Output that is no
+//! takes too long fails the current job, and the next job gets a new process. Output that is not an
 //! answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
@@ -117,10 +117,6 @@ pub(crate) struct Programs {
 
 impl Backend {
     /// Returns the simulator that the campaign needs.
-    ///
-    /// # Errors
-    ///
-    /// The campaign needs an external simulator and none is given, or the other way round.
     pub(crate) fn choose(problem: &Problem, exec: Option<&Exec>) -> Result<Self, Error> {
         let campaign = problem.campaign();
         let name = &campaign.name;
@@ -149,10 +145,6 @@ impl Backend {
     }
 
     /// Returns the digest of the answers to the probe questions, which may take the program's time.
-    ///
-    /// # Errors
-    ///
-    /// The program fails on a question.
     pub(crate) fn model_digest(&self, problem: &Problem) -> Result<String, Error> {
         match self {
             Self::BuiltIn => Ok(probe::model_digest(problem)),

@@ -196,31 +196,31 @@ impl HeldLeases {
 
     /// Forgets the leases that have not started, and returns them.
     pub(crate) fn release_waiting(&self) -> Vec<LeaseId> {
-        let quarantined = self.with(|inner| {
+        let released = self.with(|inner| {
             let waiting = inner.computing.extract_if(.., |_, held| !held.started);
             waiting.map(|(id, _)| id).collect()
         });
         self.changed.notify_waiters();
-        quarantined
+        released
     }
 
     /// Ends the leases that are not finished. Those with kept results are finished with these; the
     /// others are forgotten and returned.
     pub(crate) fn release_all(&self) -> Vec<LeaseId> {
-        let quarantined = self.with(|inner| {
-            let mut quarantined = Vec::new();
+        let released = self.with(|inner| {
+            let mut released = Vec::new();
             for (id, held) in std::mem::take(&mut inner.computing) {
                 let is_wanted = !held.cancelled.swap(true, Ordering::Relaxed);
                 if is_wanted && (!held.done.is_empty() || held.part.is_some()) {
                     inner.finish(held);
                 } else {
-                    quarantined.push(id);
+                    released.push(id);
                 }
             }
-            quarantined
+            released
         });
         self.changed.notify_waiters();
-        quarantined
+        released
     }
 
     /// Number of unfinished leases.

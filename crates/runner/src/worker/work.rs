@@ -73,7 +73,6 @@ pub struct Summary {
     pub finished: bool,
 }
 
-/// A worker.
 #[derive(Debug)]
 pub struct Worker {
     connection: Link,
@@ -115,10 +114,6 @@ impl Worker {
     }
 
     /// Works until the coordinator says that the campaign is finished, or until `shutdown`.
-    ///
-    /// # Errors
-    ///
-    /// The coordinator cannot be reached or refuses the worker.
     // A boxed future is compiled once, in this crate. An `async fn` would be compiled again in each
     // program that awaits it.
     pub fn run(
@@ -341,4 +336,9 @@ async fn after(limit: Option<Duration>) {
         Some(limit) => tokio::time::sleep(limit).await,
         None => std::future::pending().await,
     }
+}
+
+/// Converts the ids of leases.
+fn ids(leases: &[crate::protocol::v1::LeaseId]) -> Vec<LeaseId> {
+    leases.iter().map(|id| (*id).into()).collect()
 }

@@ -15,10 +15,10 @@ use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
 use results::optima::Optima;
 use runner::coordinator::board::{self, Board};
-use runner::coordinator::compute::thread_seconds;
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::recorder::StoreRecorder;
 use runner::coordinator::service::Service;
+use runner::cpu::thread_seconds;
 use runner::exit::{self, ProgramError};
 use runner::gateway::port::{self, Listeners};
 use runner::worker::Exec;
@@ -33,7 +33,7 @@ const PER_DESIGN: u32 = 30;
 /// Number of designs whose samples are timed in one thread.
 const TIMED: usize = 100;
 /// Interval between polls.
-const ASKED: Duration = Duration::from_millis(2);
+const POLL_PERIOD: Duration = Duration::from_millis(2);
 
 /// The campaign of the sleeping program: one variable, one response.
 const SLEEPING: &str = r#"
@@ -285,7 +285,7 @@ async fn through(
     // Nothing is wanted yet: the workers register and start their programs before the clock starts.
     board.open();
     while board.live().workers.len() < workers.len() {
-        tokio::time::sleep(ASKED).await;
+        tokio::time::sleep(POLL_PERIOD).await;
     }
     let (began, cpu) = (Instant::now(), process_seconds());
     board.want(wanted.collect());
@@ -298,7 +298,7 @@ async fn through(
         if let Some(ended) = workers.try_join_next() {
             ended.context("a worker")??;
         }
-        tokio::time::sleep(ASKED).await;
+        tokio::time::sleep(POLL_PERIOD).await;
     }
     let ran = RunnerTimes {
         seconds: began.elapsed().as_secs_f64(),

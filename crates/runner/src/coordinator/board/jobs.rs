@@ -76,7 +76,6 @@ impl Board {
         vanished
     }
 
-    /// The quarantined streams.
     #[must_use]
     pub fn quarantined(&self) -> BTreeSet<StreamId> {
         let inner = self.lock();

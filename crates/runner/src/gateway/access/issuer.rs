@@ -40,10 +40,6 @@ impl Issuer {
     /// Locks the access file at `path` for a coordinator of `campaign`. The certificate and tokens
     /// are those of an earlier coordinator of the same campaign, or new ones. The access file is
     /// not written yet.
-    ///
-    /// # Errors
-    ///
-    /// Another coordinator uses the file, it is not an access file, or the folder is not writable.
     pub fn new(path: &Path, campaign: &str) -> Result<Self, Error> {
         if let Some(parent) = path.parent().filter(|p| !p.as_os_str().is_empty()) {
             DirBuilder::new()
@@ -101,10 +97,6 @@ impl Issuer {
     }
 
     /// The guard of a port with this certificate and these tokens.
-    ///
-    /// # Errors
-    ///
-    /// The certificate or the key cannot be used.
     pub fn guard(&self) -> Result<Guard, Error> {
         let key_path = key_file(&self.path);
         let key = PrivateKeyDer::from_pem_slice(self.key.as_bytes())
@@ -121,10 +113,6 @@ impl Issuer {
 
     /// Writes the file for a coordinator that listens at `address` and can also be reached under
     /// `hosts`. Returns the path of the file.
-    ///
-    /// # Errors
-    ///
-    /// The file cannot be written.
     pub fn publish(&mut self, address: SocketAddr, hosts: &[String]) -> Result<&Path, Error> {
         self.access.addresses = addresses(address, hosts);
         let text = toml::to_string(&self.access)

@@ -17,10 +17,6 @@ const VALIDITY: Duration = Duration::from_secs(3650 * 24 * 3600);
 const CLOCK_DIFFERENCE: Duration = Duration::from_secs(3600);
 
 /// A self-signed certificate that is valid from `now`, and its private key, both in PEM form.
-///
-/// # Errors
-///
-/// The certificate cannot be made.
 pub(crate) fn certificate(now: SystemTime) -> Result<(String, String), Error> {
     let failed = |error: rcgen::Error| Error::Secrets {
         reason: error.to_string(),
@@ -42,11 +38,6 @@ pub(crate) fn certificate(now: SystemTime) -> Result<(String, String), Error> {
     Ok((certificate.pem(), key.serialize_pem()))
 }
 
-/// A new token.
-///
-/// # Errors
-///
-/// The operating system gives no random bits.
 pub(crate) fn token(role: Role) -> Result<Token, Error> {
     let mut random = [0; TOKEN_BYTES];
     ring::default_provider()

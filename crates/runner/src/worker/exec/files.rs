@@ -71,10 +71,6 @@ enum Results {
 
 impl Files {
     /// Creates a program that runs as `sh -c command`.
-    ///
-    /// # Errors
-    ///
-    /// The template cannot be read.
     pub(super) fn new(
         command: &str,
         files: &FileMode,

@@ -84,7 +84,6 @@ pub(super) fn number(value: &Value) -> Option<f64> {
     }
 }
 
-/// An answer.
 #[derive(Debug, PartialEq)]
 pub(super) enum Answer<T> {
     /// The requested content.

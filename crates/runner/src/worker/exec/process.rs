@@ -54,7 +54,6 @@ pub(super) struct Process {
     skipped: ForeignOutput,
     /// Whether a skipped line was reported.
     has_warned: bool,
-    /// Whether the process has answered.
     has_answered: bool,
     /// Whether the output has ended.
     is_silent: bool,

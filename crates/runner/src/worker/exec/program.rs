@@ -49,7 +49,6 @@ impl Program {
         })
     }
 
-    /// Whether the program has ended.
     pub(super) fn has_ended(&self) -> bool {
         match &self.kind {
             Kind::Lines(process) => process.has_ended(),

@@ -5,20 +5,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::cpu::thread_seconds;
 use crate::gateway::link::cause;
-use crate::protocol::v1::{
-    self, Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult,
-};
+use crate::protocol::v1::{Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
 use campaign::task::{Failure, Outcome, Output, Source, compute_until};
-use ledger::{LeaseId, Unit};
-use rustix::time::{ClockId, clock_gettime};
+use ledger::Unit;
 use tokio::sync::mpsc::UnboundedReceiver;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
 use super::contact::SILENCE;
 use super::registering::Registration;
-use super::{CALL_TIMEOUT, End, SharedState};
+use super::{CALL_TIMEOUT, End, SharedState, ids};
 use crate::worker::backoff::Backoff;
 use crate::worker::error::Error;
 use crate::worker::held::Lease;
@@ -39,8 +37,9 @@ const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
 const AFTERTHOUGHT: Duration = Duration::from_millis(500);
 
 /// Maximum size of the results in a report, in bytes, unless one result is larger. The size is
-/// halved after each report that timed out, down to the second number.
+/// halved after each report that timed out.
 const BYTES_PER_REPORT: usize = 1 << 20;
+/// Minimum of that size after timeouts.
 const FEWEST_BYTES: usize = 1 << 14;
 /// Speed of the slowest supported connection, in bytes per second.
 const SLOWEST_LINE: f64 = 1e4;
@@ -118,12 +117,6 @@ pub(super) async fn lease(shared: Arc<SharedState>, pool: rayon::ThreadPool) -> 
             }
         }
     }
-}
-
-/// CPU time of this thread, in seconds.
-fn thread_seconds() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
 /// The state of a compute thread for its current unit.
@@ -406,9 +399,4 @@ pub(super) async fn heartbeat(
             _ => {}
         }
     }
-}
-
-/// Converts the ids of leases.
-pub(super) fn ids(leases: &[v1::LeaseId]) -> Vec<LeaseId> {
-    leases.iter().map(|id| (*id).into()).collect()
 }

@@ -10,7 +10,7 @@ use campaign::formulation::Problem;
 use tracing::{debug, info, warn};
 
 use super::contact::SILENCE;
-use super::{CALL_TIMEOUT, SharedState};
+use super::{CALL_TIMEOUT, SharedState, ids};
 use crate::worker::backoff::Backoff;
 use crate::worker::error::Error;
 use crate::worker::exec::Backend;
@@ -82,7 +82,7 @@ impl SharedState {
                         // The questions to a program may have taken longer than the time limit.
                         since = Instant::now();
                         if done {
-                            self.held.cancel(&super::calls::ids(&response.cancelled));
+                            self.held.cancel(&ids(&response.cancelled));
                         } else {
                             // Leases, if there are any, belong to another campaign, and so do their
                             // results, which its coordinator may want.

@@ -1,0 +1,86 @@
+//! A block of consecutive samples of one stream: a row of their table.
+
+use ledger::StreamId;
+
+use crate::Error;
+use crate::row::{Columns, Row};
+use crate::values::key;
+
+/// Consecutive samples of one stream.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SampleBlock {
+    /// The design, optimum or infill point.
+    pub stream: StreamId,
+    /// Index of the first sample.
+    pub first_sample: u64,
+    /// The sampled response. An infinite value stands for a sample that failed.
+    pub samples: Vec<f64>,
+}
+
+impl SampleBlock {
+    /// The index after the last sample.
+    #[must_use]
+    pub fn end(&self) -> u64 {
+        self.first_sample.saturating_add(self.samples.len() as u64)
+    }
+
+    /// The samples with their indices.
+    pub fn indexed(&self) -> impl Iterator<Item = (u64, f64)> {
+        (self.first_sample..self.end()).zip(self.samples.iter().copied())
+    }
+
+    /// Refuses samples that SQLite would not return unchanged.
+    pub(crate) fn refuse_unstorable(&self) -> Result<(), Error> {
+        let last = (self.samples.len() as u64).saturating_sub(1);
+        let last = self.first_sample.saturating_add(last);
+        if i64::try_from(last).is_err() {
+            return Err(Error::TooLarge {
+                column: "sample_block.first_sample".to_owned(),
+                value: last,
+            });
+        }
+        match self.indexed().find(|(_, value)| value.is_nan()) {
+            None => Ok(()),
+            Some((sample, value)) => Err(Error::NotFinite {
+                column: "sample_block.samples".to_owned(),
+                key: format!("sample {sample} of {}", self.stream),
+                value,
+            }),
+        }
+    }
+}
+
+impl Row for SampleBlock {
+    const TABLE: &'static str = "sample_block";
+
+    fn key(&self) -> String {
+        format!("first_sample {} of {}", self.first_sample, self.stream)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .stream(self.stream)
+            .count("first_sample", self.first_sample)
+            .outcomes("samples", &self.samples);
+    }
+}
+
+/// A set of streams.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Streams {
+    /// The designs of the DoE.
+    Designs,
+    One(StreamId),
+    All,
+}
+
+impl Streams {
+    /// The least and the greatest key.
+    pub(crate) fn keys(self) -> (i64, i64) {
+        match self {
+            Self::Designs => (0, key(StreamId::point(0)) - 1),
+            Self::One(stream) => (key(stream), key(stream)),
+            Self::All => (0, i64::MAX),
+        }
+    }
+}
