@@ -1,9 +1,15 @@
-//! The laboratory: the methods of this workspace under measurement.
+//! Measurements of the methods of this workspace.
 //!
-//! - [`stability`] runs inputs on which a method breaks or nearly does, and says which promises it keeps.
-//! - [`tradeoff`] charts speed against accuracy.
-//! - [`rehearsal`] puts the ledger to work for simulated workers.
+//! - [`stability`]: the robustness tests of all methods, which are also the stability atlas.
+//! - [`tradeoff`]: speed against accuracy.
+//! - [`rehearsal`]: the ledger with simulated workers.
+
+#![allow(
+    missing_docs,
+    reason = "a comment that repeats the name of an item helps nobody"
+)]
 
 pub mod rehearsal;
 pub mod stability;
+mod summary;
 pub mod tradeoff;

@@ -5,13 +5,11 @@ use serde::Serialize;
 /// A cluster and its jobs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Scenario {
-    /// Number of workers.
     pub workers: u32,
     /// Number of jobs that a worker computes at once.
     pub slots: u32,
     /// Mean time of a sample, in seconds; single leases vary by 20 %.
     pub sample_seconds: f64,
-    /// Number of samples of a design.
     pub samples_per_design: u32,
     /// Simulated time, in seconds.
     pub seconds: f64,
@@ -39,8 +37,7 @@ pub struct Wave {
 }
 
 impl Scenario {
-    /// Creates a scenario of workers with one slot that never fail, with time for several samples
-    /// each.
+    /// Returns a scenario of workers with one slot that never fail. Its time is enough for several samples each.
     #[must_use]
     pub fn new(workers: u32, sample_seconds: f64) -> Self {
         Self {

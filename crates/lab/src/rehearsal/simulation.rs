@@ -14,13 +14,13 @@ use ledger::{
 use prost::Message as _;
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, LogNormal};
+use runner::coordinator::compute::thread_seconds;
 use runner::protocol::v1::{LeaseResponse, LeaseResult, ReportRequest};
-use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, StreamRng, stream};
 
-use crate::rehearsal::rehearsed::{Calls, Rehearsal};
+use crate::rehearsal::result::{Calls, Rehearsal};
 use crate::rehearsal::scenario::Scenario;
-use crate::rehearsal::worker::{Held, Worker};
+use crate::rehearsal::worker::{HeldLease, Worker};
 
 /// Time that a lease request waits at the coordinator, in seconds.
 const LEASE_WAIT: f64 = 5.0;
@@ -28,7 +28,7 @@ const LEASE_WAIT: f64 = 5.0;
 const SCATTER: f64 = 0.2;
 /// Interval between checks for expired leases, in seconds.
 const EXPIRY: f64 = 1.0;
-/// Time of a sample from which on the simulator counts as an external program, seconds.
+/// Minimum time of a sample of an external program, in seconds. Faster simulators are built in.
 const EXTERNAL: f64 = 1e-2;
 /// Time until a failed worker is replaced, in seconds.
 const REPLACED: f64 = 60.0;
@@ -240,7 +240,7 @@ impl<'a> Simulation<'a> {
         }
         for grant in grants {
             let units = grant.units.into_iter().map(|(unit, _)| unit);
-            self.workers[number as usize].waiting.push_back(Held {
+            self.workers[number as usize].waiting.push_back(HeldLease {
                 id: grant.lease,
                 units: units.collect(),
                 seconds: grant.seconds,
@@ -316,7 +316,7 @@ impl<'a> Simulation<'a> {
     /// Ends a worker without notice; another process takes its place after `away` seconds.
     fn lose(&mut self, number: u32, away: f64) {
         let worker = &mut self.workers[number as usize];
-        self.outcome.lost_samples += worker.computing.iter().map(Held::samples).sum::<u64>();
+        self.outcome.lost_samples += worker.computing.iter().map(HeldLease::samples).sum::<u64>();
         *worker = Worker::new(number, worker.life + 1);
         worker.is_up = false;
         self.schedule(away, Event::Start(number));
@@ -376,7 +376,7 @@ impl<'a> Simulation<'a> {
 }
 
 /// An encoded report.
-fn report(name: &ledger::WorkerId, held: &Held, seconds: f64) -> Vec<u8> {
+fn report(name: &ledger::WorkerId, held: &HeldLease, seconds: f64) -> Vec<u8> {
     let result = |unit: &Unit| {
         let samples = vec![1.5; unit.samples.len()];
         let output = match unit.samples.start {
@@ -408,11 +408,6 @@ fn decoded(request: &[u8]) -> Vec<Unit> {
     results
         .filter_map(|result| Some(runner::protocol::output(result).ok()?.0))
         .collect()
-}
-
-fn thread_seconds() -> f64 {
-    let time = clock_gettime(ClockId::ThreadCPUTime);
-    time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }
 
 #[cfg(test)]

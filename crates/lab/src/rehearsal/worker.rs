@@ -1,4 +1,4 @@
-//! A simulated worker: its leases and its requests for more, as in `worker::held`.
+//! A simulated worker: its leases and its requests for more, as in `runner::worker`.
 
 use std::collections::VecDeque;
 
@@ -13,14 +13,14 @@ const HELD_LEASES: usize = 2000;
 
 /// A lease of a worker.
 #[derive(Debug, Clone)]
-pub(crate) struct Held {
+pub(crate) struct HeldLease {
     pub(crate) id: LeaseId,
     pub(crate) units: Vec<Unit>,
     /// Expected time, in seconds.
     pub(crate) seconds: f64,
 }
 
-impl Held {
+impl HeldLease {
     pub(crate) fn samples(&self) -> u64 {
         self.units
             .iter()
@@ -29,15 +29,15 @@ impl Held {
     }
 }
 
-/// A worker process.
+/// A simulated worker process.
 #[derive(Debug)]
 pub(crate) struct Worker {
     pub(crate) name: WorkerId,
     /// Number of the worker process in this place. Events of earlier processes are ignored.
     pub(crate) life: u32,
     pub(crate) is_up: bool,
-    pub(crate) waiting: VecDeque<Held>,
-    pub(crate) computing: Vec<Held>,
+    pub(crate) waiting: VecDeque<HeldLease>,
+    pub(crate) computing: Vec<HeldLease>,
     /// Whether a lease request is under way.
     pub(crate) asks: bool,
 }
@@ -54,7 +54,7 @@ impl Worker {
         }
     }
 
-    fn held(&self) -> impl Iterator<Item = &Held> {
+    fn held(&self) -> impl Iterator<Item = &HeldLease> {
         self.computing.iter().chain(&self.waiting)
     }
 

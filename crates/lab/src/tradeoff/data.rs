@@ -1,31 +1,36 @@
-//! A campaign's DoE, sampled in this thread with the samples that workers would draw.
+//! Designs to measure at: a campaign's DoE with its samples, and random designs.
 
 use std::collections::BTreeMap;
 
+use anyhow::Context as _;
 use campaign::file::ControlVariate;
 use campaign::formulation::{Design, Problem};
 use campaign::simulator::State;
 use campaign::task::{Output, Source, compute};
 use ledger::{Generation, StreamId, Unit};
+use rand::{Rng, RngExt as _};
 use stages::responses::{self, Samples};
 use stats::streams::Purpose;
 use store::{DesignRow, ResponseRow};
 
+/// Constraint violation up to which a design is nearly feasible.
+const NEARLY: f64 = 0.5;
+/// Maximum number of random designs tried.
+pub(crate) const TRIES: usize = 100_000;
+
 /// A sampled DoE.
 pub(crate) struct Doe {
-    /// All designs.
     pub(crate) designs: Vec<DesignRow>,
     /// The responses of the simulable designs.
     pub(crate) responses: Vec<ResponseRow>,
     /// The numbers of the feasible designs.
     pub(crate) feasible: Vec<u64>,
-    /// Number of simulator calls.
     pub(crate) calls: u64,
 }
 
-/// Creates and samples the campaign's DoE; `base` has the values of the variables that the campaign
-/// does not vary.
-pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
+/// Creates the campaign's DoE and draws in this thread the samples that workers would draw. `base` has the values of
+/// the variables that the campaign does not vary.
+pub(crate) fn sample_doe(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
     let settings = &problem.campaign().sampling;
     let designs = stages::designs::make(problem, &[])?;
     let linear = match settings.control {
@@ -80,4 +85,20 @@ pub(crate) fn sampled(problem: &Problem, base: &Design) -> anyhow::Result<Doe> {
         }
     }
     Ok(doe)
+}
+
+/// Draws [`TRIES`] random designs from the campaign's box. Returns the gear pairs that keep the constraints or nearly
+/// do.
+pub(crate) fn nearly_feasible<'a>(
+    problem: &'a Problem,
+    rng: &'a mut impl Rng,
+) -> anyhow::Result<impl Iterator<Item = gear::Pair> + 'a> {
+    let gears = problem.gears().context("the campaign designs no gears")?;
+    Ok((0..TRIES).filter_map(move |_| {
+        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
+        let design = problem.design(&problem.free_point(&unit), problem.base());
+        let pair = gears.pair(&design).ok()?;
+        let criteria = gears.pair_criteria(&pair, 0.0).into();
+        (problem.violation(&criteria) <= NEARLY).then_some(pair)
+    }))
 }

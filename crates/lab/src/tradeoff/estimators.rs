@@ -1,32 +1,32 @@
-//! Estimators of a percentile on responses that are normal and that are far from it.
+//! Estimators of a percentile on normal responses and on responses far from normal.
 //!
-//! Campaigns of some designs are drawn again and again. At each design every estimator gives the percentile
-//! from the same samples. An estimator that cannot serve with so few samples gives what a campaign would take in
-//! its place.
+//! Campaigns of several designs are drawn repeatedly. At each design every estimator gives the percentile from the
+//! same samples. With too few samples for an estimator, the estimator that a campaign would use instead gives it.
 //!
-//! The regret of an estimator on a response, at a level and with a number of samples, is its root mean square
-//! error divided by the least of all estimators there. A default should have a small regret in the worst case,
-//! since a user seldom knows the distribution.
+//! The regret of an estimator on a response, at a level and with a number of samples, is its root mean square error
+//! divided by the least one of all estimators there. A default should have a small regret in the worst case, since a
+//! user seldom knows the distribution.
 
 use anyhow::Context as _;
 use campaign::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 use campaign::formulation::Problem;
-use rand::RngExt as _;
 use stats::reference::Reference;
 use stats::streams::{Purpose, stream};
 use stats::{Shape, order_statistic};
 
+use crate::summary::{median, root_mean_square};
+use crate::tradeoff::data;
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::study::Size;
-use crate::tradeoff::summary::{median, root_mean_square};
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
-pub(crate) const LEAD: &str = "Error of a percentile estimated from 10 to 500 samples a design, at levels 0.1 to 0.999: of normal, exponential, \
-     log-normal and bimodal responses and of one with a rare jump, whose percentiles are known, and of the campaign’s \
-     own designs. The regret is the root mean square error divided by that of the best estimator for this response, \
-     level and number of samples. “location-scale” takes z from the residuals of all designs. The default of \
-     [sampling] percentile is the key with the least greatest regret. One standard deviation is that of the response.";
+pub(crate) const LEAD: &str = "Error of a percentile estimated from 10 to 500 samples of a design, at levels 0.1 to 0.999. The responses are \
+     normal, exponential, log-normal and bimodal, one with a rare jump, all with known percentiles, and that of the \
+     campaign’s own designs. The regret is the root mean square error divided by that of the best estimator for this \
+     response, level and number of samples. “location-scale” takes z from the residuals of all designs. The default of \
+     [sampling] percentile is the key whose greatest regret is smallest. Errors are in standard deviations of the \
+     response.";
 
 const COLUMNS: [&str; 6] = [
     "regret, median",
@@ -45,8 +45,6 @@ pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
 
 const LEVELS: [f64; 6] = [0.1, 0.5, 0.9, 0.95, 0.99, 0.999];
 const COUNTS: [usize; 4] = [10, 30, 100, 500];
-/// Constraint violation up to which a design of the campaign counts as nearly feasible.
-const NEARLY: f64 = 0.5;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Estimator {
@@ -67,9 +65,9 @@ const ESTIMATORS: [(&str, Estimator); 5] = [
     ("location-scale", Estimator::LocationScale),
 ];
 
-/// A response at some designs.
+/// A response at several designs.
 struct Response {
-    /// Percentile and standard deviation of each design, by [`LEVELS`].
+    /// True percentiles at the [`LEVELS`] and standard deviation of each design.
     truths: Vec<([f64; LEVELS.len()], f64)>,
     /// The samples of each design, in each campaign.
     campaigns: Vec<Vec<Vec<f64>>>,
@@ -84,7 +82,7 @@ struct Errors {
     count: usize,
     rmse: f64,
     bias: f64,
-    /// Mean stated variance divided by that of the estimates.
+    /// Mean stated variance divided by the variance of the estimates.
     stated: f64,
     regret: f64,
 }
@@ -241,7 +239,7 @@ fn reference(law: Reference, size: Size) -> Response {
     }
 }
 
-/// The response of the campaign's own designs, random ones that nearly keep the constraints.
+/// The response of random designs of the campaign that keep the constraints or nearly do.
 fn own(problem: &Problem, size: Size) -> anyhow::Result<Response> {
     let gears = problem.gears().context("the campaign designs no gears")?;
     let seed = problem.campaign().seed;
@@ -251,18 +249,9 @@ fn own(problem: &Problem, size: Size) -> anyhow::Result<Response> {
         truths: Vec::new(),
         campaigns: vec![Vec::new(); campaigns],
     };
-    for _ in 0..100_000 {
+    for pair in data::nearly_feasible(problem, &mut rng)? {
         if response.truths.len() == designs {
             break;
-        }
-        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
-        let design = problem.design(&problem.free_point(&unit), problem.base());
-        let Ok(pair) = gears.pair(&design) else {
-            continue;
-        };
-        let criteria = gears.pair_criteria(&pair, 0.0).into();
-        if problem.violation(&criteria) > NEARLY {
-            continue;
         }
         let number = response.truths.len() as u64;
         let mut sampler = gears.sampler(&pair);
@@ -288,7 +277,7 @@ fn own(problem: &Problem, size: Size) -> anyhow::Result<Response> {
     }
     anyhow::ensure!(
         response.truths.len() == designs,
-        "too few random designs are nearly feasible"
+        "fewer than {designs} random designs are nearly feasible"
     );
     Ok(response)
 }
@@ -300,7 +289,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_estimator_is_judged_on_every_response_and_the_normal_one_is_best_on_normal_samples() {
+    fn every_estimator_is_measured_on_every_response_and_the_normal_one_is_best_on_normal_samples()
+    {
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         let size = Size::Designs(4);
         let found = errors(&reference(Reference::Normal, size), &paper.sampling).unwrap();
@@ -319,8 +309,7 @@ mod tests {
         assert!(table.rows.iter().all(|row| row.values[1] >= 1.0));
     }
 
-    /// The default of `[sampling] percentile` rests on this comparison: of the keys it has the least
-    /// greatest regret.
+    /// The reason for the default of `[sampling] percentile`: of all keys it has the smallest greatest regret.
     #[test]
     fn the_default_key_has_the_least_regret_in_the_worst_case() {
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();

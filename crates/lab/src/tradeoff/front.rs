@@ -14,7 +14,7 @@ pub enum Rule {
 /// The reason for a recommendation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
-    /// The setting is the cheapest with an error of at most this.
+    /// No cheaper setting has an error of at most this.
     CheapestWithin(f64),
     /// No error is within the rule's limit; the setting has the least error.
     MostAccurate,
@@ -76,11 +76,11 @@ mod tests {
     ];
 
     #[test]
-    fn the_front_has_what_nothing_beats() {
+    fn no_point_dominates_the_front() {
         assert_eq!(front(&POINTS), [1, 3, 0, 6]);
         assert_eq!(front(&[[1.0, 1.0], [1.0, 1.0], [1.0, 2.0]]), [0]);
         assert_eq!(front(&[]), [0; 0]);
-        // By definition: no other point dominates one of the front, and one dominates each that is not on it.
+        // By definition, a point is on the front unless another one dominates it.
         let dominates = |a: [f64; 2], b: [f64; 2]| a[0] <= b[0] && a[1] <= b[1] && a != b;
         let found = front(&POINTS);
         for (i, point) in POINTS.iter().enumerate().filter(|(i, _)| *i != 4) {
@@ -90,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cheapest_that_is_accurate_enough_is_recommended() {
+    fn the_cheapest_accurate_setting_is_recommended() {
         let within = Reason::CheapestWithin;
         assert_eq!(
             recommend(&POINTS, Rule::Within(5.0)),

@@ -8,19 +8,19 @@ use stats::streams::{Purpose, stream};
 use store::ResponseRow;
 use studies::finished;
 
+use crate::summary::{quantile, root_mean_square};
 use crate::tradeoff::clock::process_seconds;
 use crate::tradeoff::data::{self, Doe};
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::study::Size;
-use crate::tradeoff::summary::{quantile, root_mean_square};
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
-pub(crate) const LEAD: &str = "Error of the model's mean at designs that it was not fitted to, a fifth of the campaign's DoE, against CPU time. The \
-     truth there is the percentile of 500 samples (100 in a quick run). Near the optimum are the held-out designs \
-     with the lowest tenth of the percentiles. “Vecchia” predicts from the nearest designs, with a constant trend and \
-     known noise; whatever the table does not name is as in the campaign's [kriging], whose covariance, method and \
-     response are marked at the largest number of designs.";
+pub(crate) const LEAD: &str = "Error of the model's mean at held-out designs, a fifth of the campaign's DoE, against CPU time. The truth is the \
+     percentile of 500 samples (100 in a quick run). The held-out designs with the lowest tenth of the percentiles are \
+     near the optimum. “Vecchia” predicts from the nearest designs, with a constant trend and known noise. All other \
+     settings are those of the campaign's [kriging], whose covariance, method and response are marked at the largest \
+     number of designs.";
 
 const COLUMNS: [&str; 7] = [
     "fit (CPU s)",
@@ -32,7 +32,7 @@ const COLUMNS: [&str; 7] = [
     "coverage of 90 % intervals (%)",
 ];
 
-/// Errors closer than this cannot be distinguished with some hundred held-out designs.
+/// Errors closer than this cannot be distinguished with a few hundred held-out designs.
 const NEAR: Rule = Rule::NearBest(0.1);
 
 pub(crate) const PAIRS: &[view::Pair] = &[
@@ -50,16 +50,15 @@ pub(crate) const PAIRS: &[view::Pair] = &[
 
 /// Numbers of designs for a fit, besides all of them.
 const COUNTS: [usize; 3] = [250, 500, 1000];
-/// Size of the DoE in a quick run: 1000 designs for the fit besides a fifth held out, if all are
-/// simulable.
+/// Size of the DoE in a quick run: 1000 designs for the fit and a fifth held out, if all are simulable.
 const QUICK: u32 = 1250;
 /// One in this many designs is held out.
 const HELD_OUT: usize = 5;
 /// The 95 % quantile of the standard normal distribution, for intervals that cover 90 %.
 const Z95: f64 = 1.644_853_626_951_472;
 
-/// The held-out designs and the truth there.
-struct Test {
+/// The held-out designs and the true percentiles there.
+struct HeldOut {
     x: Vec<f64>,
     truth: Vec<f64>,
 }
@@ -79,7 +78,7 @@ pub(crate) fn run(
     let seed = campaign.seed;
     let problem = &Problem::new(campaign);
     let base = finished::searched_base(problem)?;
-    let doe = data::sampled(problem, &base)?;
+    let doe = data::sample_doe(problem, &base)?;
     let mut rows: Vec<&ResponseRow> = doe.responses.iter().collect();
     rows.shuffle(&mut stream(seed, Purpose::Test, 2, 0));
     let (held_out, training) = rows.split_at(rows.len() / HELD_OUT);
@@ -122,7 +121,7 @@ pub(crate) fn run(
                     let is_campaign = count == training.len()
                         && (kernel, response) == (own.fit.kernel, own.response)
                         && (method == Method::Vecchia) == (own.method == Method::Vecchia);
-                    let measured = measured(problem, &doe, &training[..count], &settings, &test);
+                    let measured = measure(problem, &doe, &training[..count], &settings, &test);
                     let (values, failed) = match measured {
                         Ok(values) => (values, String::new()),
                         Err(error) => (
@@ -178,7 +177,7 @@ fn test(
     doe: &Doe,
     held_out: &[&ResponseRow],
     samples: u64,
-) -> anyhow::Result<Test> {
+) -> anyhow::Result<HeldOut> {
     let gears = problem.gears().context("the campaign designs no gears")?;
     let campaign = problem.campaign();
     let (mut x, mut truth) = (Vec::new(), Vec::new());
@@ -194,16 +193,16 @@ fn test(
         x.extend(at);
         truth.push(campaign.sampling.verified(&drawn)?.value);
     }
-    Ok(Test { x, truth })
+    Ok(HeldOut { x, truth })
 }
 
-/// The values of [`COLUMNS`].
-fn measured(
+/// Measures the values of [`COLUMNS`].
+fn measure(
     problem: &Problem,
     doe: &Doe,
     rows: &[&ResponseRow],
     settings: &Settings,
-    test: &Test,
+    test: &HeldOut,
 ) -> anyhow::Result<Vec<f64>> {
     let campaign = problem.campaign();
     let d = problem.dimension();

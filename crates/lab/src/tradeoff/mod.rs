@@ -21,13 +21,12 @@ mod percentile;
 mod runner;
 mod simulator;
 mod study;
-mod summary;
 mod table;
 mod view;
 
 pub use clock::process_seconds;
 pub use front::{Reason, Rule, front, recommend};
-pub use optimisation::Ended;
+pub use optimisation::ApproachResult;
 pub use page::page;
 pub use runner::{Load, Runner, RunnerTimes};
 pub use study::{Kind, Size, Study};

@@ -7,18 +7,17 @@ use campaign::Campaign;
 use campaign::file::{Enrichment, PercentileRule};
 use campaign::formulation::{Approach, Problem};
 
+use crate::summary::{median, quantile};
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::runner::Runner;
 use crate::tradeoff::study::Size;
-use crate::tradeoff::summary::{median, quantile};
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
-pub(crate) const LEAD: &str = "The percentile of the best feasible design that an approach ends on, from fresh verification samples, against calls of \
-     the simulator, CPU time with this simulator, and time with one that takes 2 s a call, as the paper's did. Medians \
-     and quartiles over seeds; a run without a feasible design counts as an infinite percentile. Effort is the share \
-     of the campaign's designs and of its optimisers' evaluations. The approaches of the campaign are marked at the \
-     largest effort.";
+pub(crate) const LEAD: &str = "Percentile of the best feasible design of an approach, from verification samples, against calls of the simulator, \
+     CPU time with this simulator, and time with one that takes 2 s a call, as the paper's did. Medians and quartiles \
+     over seeds; the percentile of a run without a feasible design is infinite. Effort is the share of the campaign's \
+     designs and of its optimisers' evaluations. The approaches of the campaign are marked at the largest effort.";
 
 const COLUMNS: [&str; 7] = [
     "simulator calls",
@@ -27,13 +26,13 @@ const COLUMNS: [&str; 7] = [
     "verified percentile, median (µm)",
     "verified percentile, lower quartile (µm)",
     "verified percentile, upper quartile (µm)",
-    "runs that end on a feasible design (%)",
+    "runs with a feasible design (%)",
 ];
 
 /// Time of a call of the paper's simulator, in seconds.
 const PAPER_SECONDS: f64 = 2.0;
 
-/// Percentiles closer than this do not justify more computation.
+/// Percentiles closer than this count as equally good.
 const NEAR: Rule = Rule::NearBest(0.02);
 
 pub(crate) const PAIRS: &[view::Pair] = &[
@@ -69,12 +68,11 @@ const FEWEST: u32 = 60;
 
 /// The result of one approach for one seed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ended {
-    /// The approach.
+pub struct ApproachResult {
     pub approach: Approach,
-    /// Number of simulator calls, including those of the DoE if the approach uses it.
+    /// Simulator calls, including those of the DoE if the approach uses it.
     pub calls: f64,
-    /// CPU time, with the same inclusion, in seconds.
+    /// CPU time in seconds, including that of the DoE if the approach uses it.
     pub seconds: f64,
     /// The percentile of verification samples, in µm; infinite without a feasible design.
     pub percentile: f64,
@@ -99,18 +97,18 @@ pub(crate) fn run(
         campaign.sampling.percentile_name()
     );
     for (place, &effort) in (1..).zip(efforts) {
-        let mut ended = Vec::new();
+        let mut results = Vec::new();
         for seed in 0..seeds {
             let mut plain = scaled(campaign, effort);
             plain.seed += seed;
-            ended.extend(runner.campaign(&plain)?);
+            results.extend(runner.campaign(&plain)?);
             let enriched = enriched(&plain, effort);
             let of_enrichment = runner.campaign(&enriched)?.into_iter();
-            ended.extend(of_enrichment.filter(|one| one.approach == Approach::EnrichedKriging));
+            results.extend(of_enrichment.filter(|one| one.approach == Approach::EnrichedKriging));
         }
         for approach in APPROACHES {
             let is_own = problem.approaches().any(|own| own == approach);
-            let own: Vec<Ended> = ended
+            let own: Vec<ApproachResult> = results
                 .iter()
                 .copied()
                 .filter(|one| one.approach == approach)
@@ -151,9 +149,8 @@ fn scaled(campaign: &Campaign, effort: f64) -> Campaign {
     campaign
 }
 
-/// Returns a campaign with a small DoE and enrichment, with the settings of
-/// `campaigns/enriched.toml`. Such a campaign has the other approaches, too; their searches are cut
-/// to the minimum.
+/// Returns a campaign with a small DoE and enrichment, with the settings of `campaigns/enriched.toml`. The searches of
+/// its other approaches are cut to the minimum.
 fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
     let mut campaign = campaign.clone();
     campaign.doe.designs = campaign.doe.designs.min(120);
@@ -180,9 +177,10 @@ fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
     campaign
 }
 
-/// The values of [`COLUMNS`]; a seed without a design counts as an infinite percentile.
-fn values(ended: &[Ended], seeds: u64) -> Vec<f64> {
-    let each = |value: fn(&Ended) -> f64| -> Vec<f64> { ended.iter().map(value).collect() };
+/// Computes the values of [`COLUMNS`]. The percentile of a seed without a design is infinite.
+fn values(results: &[ApproachResult], seeds: u64) -> Vec<f64> {
+    let each =
+        |value: fn(&ApproachResult) -> f64| -> Vec<f64> { results.iter().map(value).collect() };
     let mut percentiles = each(|one| one.percentile);
     percentiles.resize(seeds as usize, f64::INFINITY);
     let feasible = percentiles.iter().filter(|value| value.is_finite()).count();

@@ -5,7 +5,7 @@ use results::report::{TradeoffPage, TradeoffRow, TradeoffStudy};
 
 use crate::tradeoff::study::{Size, Study};
 
-/// The page of these studies; `facts` say where and by which program they were measured.
+/// The page of the studies. The `facts` name the machine and the program of the measurements.
 #[must_use]
 pub fn page(
     campaign: &Campaign,
@@ -14,13 +14,13 @@ pub fn page(
     facts: Vec<(String, String)>,
 ) -> TradeoffPage {
     let lead = format!(
-        "What methods and settings cost on this machine, and how far their results are from converged ones ({} \
-         run). Dashed lines join what nothing else beats in both: the Pareto front. Circles mark the campaign's own \
-         settings and the recommended ones.",
+        "The cost of methods and settings on this machine, and the distance of their results from converged ones ({} \
+         run). Dashed lines join the Pareto front: settings that no other one beats in both cost and error. Circles mark \
+         the campaign's own settings and the recommended ones.",
         size.name()
     );
     let notes = [
-        "Times are CPU times. Of one setting they vary by some percent from run to run; errors repeat to the digit.",
+        "Times are CPU times. They vary by a few percent from run to run; errors are the same in every run.",
     ];
     TradeoffPage {
         campaign: campaign.name.clone(),

@@ -7,23 +7,23 @@ use anyhow::{Context as _, bail};
 use campaign::accuracy::ESTIMATORS;
 use campaign::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
 use campaign::formulation::Problem;
-use rand::RngExt as _;
 use stages::responses::{Samples, response_of};
 use stats::Control;
 use stats::streams::{Purpose, stream};
 
+use crate::summary::{median, quantile, root_mean_square};
+use crate::tradeoff::data::{self, TRIES};
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::study::Size;
-use crate::tradeoff::summary::{median, quantile, root_mean_square};
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
-pub(crate) const LEAD: &str = "Error of the percentile of ΔSTE estimated from few samples, against the empirical percentile of 100 000 (20 000 with \
-     --quick), at random designs that keep the constraints or nearly do; every second \
-     is the least normal of twelve. Root mean squares over designs and \
-     repetitions; one standard deviation is that of the design's ΔSTE. Methods have the names of the keys of \
-     [sampling]. A design counts as normal where m + z s of all its samples is within 0.05 standard deviations of the \
-     empirical percentile. The linearised control takes two further calls for each coefficient of the wear.";
+pub(crate) const LEAD: &str = "Error of the percentile of ΔSTE estimated from few samples, against the empirical percentile of 100 000 samples \
+     (20 000 with --quick), at random designs that keep the constraints or nearly do. Every second design is the least \
+     normal of twelve. Errors are root mean squares over designs and repetitions, in standard deviations of the \
+     design's ΔSTE. Methods have the names of the keys of [sampling]. A design counts as normal if m + z s of all its \
+     samples is within 0.05 standard deviations of the empirical percentile. The linearised control takes two further \
+     calls for each coefficient of the wear.";
 
 const COLUMNS: [&str; 6] = [
     "simulator calls",
@@ -48,14 +48,10 @@ const COUNTS: [usize; 8] = [5, 10, 20, 32, 64, 125, 250, 500];
 const GROUP: u32 = 8;
 /// Difference of m + z s from the truth above which a design is not normal, in standard deviations.
 const NOT_NORMAL: f64 = 0.05;
-/// Constraint violation up to which a design counts as nearly feasible.
-const NEARLY: f64 = 0.5;
 /// Every second design is the least normal of [`SCREENED`] random ones, screened with [`SCREENING`]
 /// samples each.
 const SCREENED: usize = 12;
 const SCREENING: u64 = 2_000;
-/// Maximum number of random designs tried for one nearly feasible design.
-const UNFIT: usize = 100_000;
 
 /// The estimator of a campaign with these keys.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,8 +79,8 @@ struct Draws {
     controls: Vec<f64>,
 }
 
-/// The draws of a design for each kind of coefficients, with the design's statistics.
-struct Sampled {
+/// The samples of a design for each kind of coefficients, with the design's statistics.
+struct DesignDraws {
     truth: f64,
     sd: f64,
     is_normal: bool,
@@ -130,7 +126,7 @@ pub(crate) fn run(
     // One design at a time: the draws of all designs would take a gigabyte.
     let mut errors: Vec<(usize, usize, bool, f64, f64, Errors)> = Vec::new();
     for number in 0..count as u64 {
-        let sampled = sampled(problem, number, size, &mut rng)?;
+        let sampled = draw_design(problem, number, size, &mut rng)?;
         found[usize::from(!sampled.is_normal)] += 1;
         for (method, (_, estimator)) in methods().iter().enumerate() {
             let settings = estimator.settings(own);
@@ -207,31 +203,24 @@ pub(crate) fn run(
     Ok(table)
 }
 
-/// Returns the next random design that is nearly feasible, with its truth and draws.
-fn sampled(
+/// Draws the next nearly feasible random design, with its true percentile and its samples.
+fn draw_design(
     problem: &Problem,
     number: u64,
     size: Size,
     rng: &mut impl rand::Rng,
-) -> anyhow::Result<Sampled> {
+) -> anyhow::Result<DesignDraws> {
     let gears = problem.gears().context("the campaign designs no gears")?;
     let settings = &problem.campaign().sampling;
-    let pairs = (0..UNFIT).filter_map(|_| {
-        let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
-        let design = problem.design(&problem.free_point(&unit), problem.base());
-        let pair = gears.pair(&design).ok()?;
-        let criteria = gears.pair_criteria(&pair, 0.0).into();
-        (problem.violation(&criteria) <= NEARLY).then_some(pair)
-    });
     // Few designs are far from normal. The screening makes them up to half of all designs.
     let (seed, level) = (problem.campaign().seed, settings.level());
     let mut best: Option<(f64, gear::Pair)> = None;
-    let looked_at = if number.is_multiple_of(2) {
+    let screened = if number.is_multiple_of(2) {
         1
     } else {
         SCREENED
     };
-    for pair in pairs.take(looked_at) {
+    for pair in data::nearly_feasible(problem, rng)?.take(screened) {
         let mut sampler = gears.sampler(&pair);
         let draws: Vec<f64> = (0..SCREENING)
             .map(|sample| sampler.draw(&mut stream(seed, Purpose::Test, 3, sample)))
@@ -244,7 +233,7 @@ fn sampled(
         }
     }
     let Some((_, pair)) = best else {
-        bail!("none of {UNFIT} random designs is nearly feasible");
+        bail!("none of {TRIES} random designs is nearly feasible");
     };
     let mut sampler = gears.sampler(&pair);
     let modes = sampler.modes();
@@ -286,7 +275,7 @@ fn sampled(
             draws.push(drawn?);
         }
     }
-    Ok(Sampled {
+    Ok(DesignDraws {
         truth,
         sd,
         is_normal: (normal - truth).abs() <= NOT_NORMAL * sd,
@@ -440,7 +429,7 @@ mod tests {
     }
 
     #[test]
-    fn every_method_is_measured_where_it_has_samples_enough() {
+    fn every_method_is_measured_with_at_least_its_fewest_samples() {
         let table = run(&paper(), Size::Designs(2), &mut |_| {}).unwrap();
         let has = |method: &str, setting: &str| {
             let mut rows = table.rows.iter();

@@ -1,18 +1,18 @@
-//! The time of leases, messages, processes and the store besides the simulator.
+//! The time that leases, messages, processes and the store add to that of the simulator.
 
 use campaign::Campaign;
 
 use crate::tradeoff::front::Rule;
-use crate::tradeoff::optimisation::Ended;
+use crate::tradeoff::optimisation::ApproachResult;
 use crate::tradeoff::study::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
-pub(crate) const LEAD: &str = "Samples through leases, messages and the store, with workers of one slot in the coordinator's process, against the \
-     seconds that a sample takes. The built-in simulator computes; the others are an external program that sleeps, so \
-     that many workers fit on few processors. Time lost is the share of the workers' time, or of the processors' with \
-     the built-in simulator, in which no sample ran. The overhead is the CPU time beside that of the same samples in \
-     one thread. Where samples take longer than the recommended one, the runner does not matter.";
+pub(crate) const LEAD: &str = "Time lost to leases, messages and the store, with workers of one slot in the coordinator's process, against the time \
+     of a sample. Beside the built-in simulator there is an external program that sleeps, so that many workers fit on \
+     few processors. Time lost is the share of the workers' time, or of the processors' with the built-in simulator, in \
+     which no sample ran. The overhead is the CPU time in excess of that of the same samples in one thread. When samples \
+     take longer than the recommended one, the cost of the runner does not matter.";
 
 const COLUMNS: [&str; 5] = [
     "time a sample (s)",
@@ -37,14 +37,13 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     },
 ];
 
-/// The samples to run.
+/// Samples to run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Load {
     /// Time that a program sleeps for each sample, in seconds; none for the built-in simulator.
     pub sleep: Option<f64>,
     /// Number of workers, of one slot each.
     pub workers: usize,
-    /// Number of samples.
     pub samples: u32,
 }
 
@@ -73,7 +72,7 @@ pub trait Runner {
     /// # Errors
     ///
     /// The campaign failed.
-    fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<Ended>>;
+    fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<ApproachResult>>;
 }
 
 pub(crate) fn run(
@@ -152,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lost_time_and_overhead_are_what_is_left_beside_the_simulator() {
+    fn lost_time_and_overhead_are_those_in_excess_of_the_simulator() {
         let load = Load {
             sleep: Some(0.1),
             workers: 4,
@@ -187,7 +186,7 @@ mod tests {
             })
         }
 
-        fn campaign(&mut self, _: &Campaign) -> anyhow::Result<Vec<Ended>> {
+        fn campaign(&mut self, _: &Campaign) -> anyhow::Result<Vec<ApproachResult>> {
             anyhow::bail!("no campaign is asked for")
         }
     }

@@ -10,19 +10,19 @@ use anyhow::{Context as _, bail};
 use campaign::formulation::Problem;
 use gear::{Discretisation, Pair, PairInput, PlainSum, Sampler, ToothModel, Wear};
 use rand::RngExt as _;
+use runner::coordinator::compute::thread_seconds;
 use stats::streams::{Purpose, stream};
 
-use crate::tradeoff::clock::thread_micros;
+use crate::summary::{median, quantile};
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::study::Size;
-use crate::tradeoff::summary::{median, quantile};
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
 pub(crate) const LEAD: &str = "Error of ΔSTE against the converged value of the same design, at random designs of the campaign's box, and CPU time \
-     of a worn sample and of a new design with its analyses without wear and with Archard's. One chart for each \
-     tooth model, whose converged values differ. The plain sum is the textbook calculation, phase by phase and slice \
-     by slice; its time leaves out the random field.";
+     of a worn sample and of a new design with its analyses without wear and with Archard's wear. Each tooth model has \
+     its own converged values and its own chart. The plain sum is the textbook calculation, phase by phase and slice by \
+     slice; its time does not include the random field.";
 
 const COLUMNS: [&str; 8] = [
     "CPU time a sample (µs)",
@@ -88,7 +88,7 @@ struct Reference {
 
 /// The times and errors of one method, for all designs.
 #[derive(Default)]
-struct Measured {
+struct Measurements {
     design_micros: Vec<f64>,
     sample_micros: Vec<f64>,
     unworn: Vec<f64>,
@@ -119,8 +119,9 @@ pub(crate) fn run(
     let mut table = Table::new(&COLUMNS);
     for model in models {
         let references = references(problem, model, size.designs(200, 40))?;
-        let mut of_grids: Vec<Measured> = grids.iter().map(|_| Measured::default()).collect();
-        let mut of_plain = Measured::default();
+        let mut of_grids: Vec<Measurements> =
+            grids.iter().map(|_| Measurements::default()).collect();
+        let mut of_plain = Measurements::default();
         // Design by design, so that a temporary slowdown of the machine affects all grids alike.
         for (number, reference) in references.iter().enumerate() {
             for (&[cells, phases], measured) in grids.iter().zip(&mut of_grids) {
@@ -204,18 +205,18 @@ fn draw(sampler: &mut Sampler, design: usize, sample: u64) -> f64 {
 fn micros<T>(mut work: impl FnMut() -> T) -> f64 {
     let mut least = f64::INFINITY;
     for _ in 0..REPEATED {
-        let start = thread_micros();
+        let start = thread_seconds();
         black_box(work());
-        least = least.min(thread_micros() - start);
+        least = least.min(thread_seconds() - start);
     }
-    least
+    1e6 * least
 }
 
 fn percent(ours: f64, exact: f64) -> f64 {
     100.0 * (ours / exact - 1.0).abs()
 }
 
-impl Measured {
+impl Measurements {
     fn ours(
         &mut self,
         reference: &Reference,

@@ -1,4 +1,4 @@
-//! The studies by name.
+//! The studies, their kinds and sizes.
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
@@ -15,12 +15,11 @@ pub enum Size {
     Full,
     /// Rough figures: a minute or two.
     Quick,
-    /// A test of the program with about this many designs.
+    /// About this many designs, for tests of the program.
     Designs(u32),
 }
 
 impl Size {
-    /// The name of the size.
     #[must_use]
     pub fn name(self) -> String {
         match self {
@@ -51,26 +50,24 @@ impl Size {
 /// The kinds of study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// The grid of the simulator.
+    /// Grids of the simulator.
     Simulator,
-    /// The estimator of the percentile.
+    /// Estimators of the percentile.
     Percentile,
-    /// The estimator of the percentile, on responses that are not normal.
+    /// Estimators of the percentile on responses that are not normal.
     Estimators,
-    /// The model of the percentile.
+    /// Kriging models of the percentile.
     Kriging,
-    /// The approach to the optimum.
+    /// Approaches to the optimum.
     Optimisation,
-    /// The runner of the samples.
+    /// The overhead of the runner.
     Runner,
 }
 
 /// A study with its measurements.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
-    /// The kind of study.
     pub kind: Kind,
-    /// The measurements.
     pub table: Table,
 }
 
@@ -85,7 +82,6 @@ impl Kind {
         Self::Runner,
     ];
 
-    /// The name of the study's files.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -98,7 +94,6 @@ impl Kind {
         }
     }
 
-    /// The heading of the study.
     #[must_use]
     pub const fn title(self) -> &'static str {
         match self {
@@ -111,7 +106,7 @@ impl Kind {
         }
     }
 
-    /// A paragraph that says what the study measures.
+    /// The introduction of the study.
     #[must_use]
     pub const fn lead(self) -> &'static str {
         match self {
@@ -124,7 +119,7 @@ impl Kind {
         }
     }
 
-    /// Measures. `runner` runs samples and campaigns; `progress` receives messages on the way.
+    /// Measures this kind of study. `runner` runs samples and campaigns; `progress` receives messages meanwhile.
     ///
     /// # Errors
     ///
@@ -150,7 +145,6 @@ impl Kind {
 }
 
 impl Study {
-    /// The charts of the study.
     #[must_use]
     pub fn views(&self) -> Vec<View<'_>> {
         let pairs = match self.kind {

@@ -1,22 +1,22 @@
 //! The measurements of a study, and their CSV file.
 
 use anyhow::{Context as _, bail};
+use results::row;
+use results::table::{Cell, Column};
 
 /// The columns of a row before its values.
 const LABELS: [&str; 4] = ["measured_for", "method", "setting", "campaign"];
 
-/// One setting of one method.
+/// The measurements of one setting of a method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// The object of the measurement; rows of different panels are not compared.
+    /// The object of the measurement. Rows of different panels are not compared.
     pub panel: String,
-    /// The method.
     pub method: String,
-    /// The method's setting.
     pub setting: String,
     /// Whether the setting is the campaign's own.
     pub is_campaign: bool,
-    /// One value for each column; NaN if there is none.
+    /// One value for each column; NaN for none.
     pub values: Vec<f64>,
 }
 
@@ -25,7 +25,6 @@ pub struct Row {
 pub struct Table {
     /// The names of the values, with units.
     pub columns: Vec<String>,
-    /// One row for each setting.
     pub rows: Vec<Row>,
 }
 
@@ -57,19 +56,23 @@ impl Table {
     ///
     /// The number of values in a row is not the number of columns.
     pub fn csv(&self) -> anyhow::Result<Vec<u8>> {
-        let mut out = csv::Writer::from_writer(Vec::new());
-        let columns = self.columns.iter().map(String::as_str);
-        out.write_record(LABELS.into_iter().chain(columns))?;
+        let [panel, method, setting, campaign] = LABELS;
+        let labels = [panel, method, setting].map(Column::text);
+        let values = self.columns.iter().map(Column::number);
+        let columns = labels
+            .into_iter()
+            .chain([Column::whole(campaign)])
+            .chain(values);
+        let mut table = results::table::Table::new(columns.collect());
         for row in &self.rows {
+            let labels = row![&*row.panel, &*row.method, &*row.setting, row.is_campaign];
             let values = row.values.iter().map(|value| match value.is_nan() {
-                true => String::new(),
-                false => value.to_string(),
+                true => Cell::Missing,
+                false => Cell::Number(*value),
             });
-            let campaign = u8::from(row.is_campaign).to_string();
-            let labels = [&row.panel, &row.method, &row.setting, &campaign];
-            out.write_record(labels.into_iter().cloned().chain(values))?;
+            table.rows.push(labels.into_iter().chain(values).collect());
         }
-        Ok(out.into_inner()?)
+        table.csv()
     }
 
     /// Reads a table from CSV.
@@ -137,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn another_file_is_no_table() {
+    fn another_file_is_refused() {
         assert!(Table::from_csv(b"a,b\n1,2\n").is_err());
         let torn = b"measured_for,method,setting,campaign,x\na,b,c,0,2\na,b,c,0,x\n";
         let error = Table::from_csv(torn).unwrap_err();

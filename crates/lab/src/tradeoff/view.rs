@@ -21,11 +21,8 @@ pub struct Pair {
 pub struct View<'a> {
     /// The name of the chart's files, without extension.
     pub file: String,
-    /// The study's table.
     pub table: &'a Table,
-    /// The panel.
     pub panel: &'a str,
-    /// The cost and the error.
     pub pair: Pair,
 }
 
@@ -39,7 +36,6 @@ impl<'a> View<'a> {
         [row.values[self.pair.cost], row.values[self.pair.error]]
     }
 
-    /// The recommended setting.
     #[must_use]
     pub fn recommended(&self) -> Option<&'a Row> {
         let rows = self.rows();
@@ -47,13 +43,13 @@ impl<'a> View<'a> {
         recommend(&points, self.pair.rule).map(|(place, _)| rows[place])
     }
 
-    /// The sentence that recommends a setting and says why.
+    /// The sentence that recommends a setting, with the reason.
     #[must_use]
     pub fn sentence(&self) -> String {
         let rows = self.rows();
         let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
         let Some((place, reason)) = recommend(&points, self.pair.rule) else {
-            return "Nothing could be measured here.".to_owned();
+            return "There are no measurements.".to_owned();
         };
         let [cost, error] = [self.pair.cost, self.pair.error].map(|i| &self.table.columns[i]);
         let why = match (reason, self.pair.rule) {
@@ -65,7 +61,7 @@ impl<'a> View<'a> {
                 short(100.0 * share)
             ),
             (Reason::MostAccurate, Rule::Within(limit)) => format!(
-                "the most accurate, since no setting measured has a {error} of at most {}",
+                "the most accurate, since no measured setting has a {error} of at most {}",
                 short(limit)
             ),
             (Reason::MostAccurate, Rule::NearBest(_)) => "the most accurate".to_owned(),
@@ -80,7 +76,7 @@ impl<'a> View<'a> {
             rows[place].setting,
             figures(place)
         );
-        // A campaign may have several settings here, such as approaches.
+        // A campaign may have several settings, for example its approaches.
         let own: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].is_campaign).collect();
         let best = own
             .iter()
@@ -105,7 +101,6 @@ impl<'a> View<'a> {
         text
     }
 
-    /// The chart.
     #[must_use]
     pub fn chart(&self) -> TradeoffChart {
         let rows = self.rows();

@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail};
 use campaign::formulation::Problem;
 use campaign::task::{Inputs, Output, Source, compute};
 use campaign::{Campaign, probe};
-use lab::tradeoff::{Ended, Load, RunnerTimes, process_seconds};
+use lab::tradeoff::{ApproachResult, Load, RunnerTimes, process_seconds};
 use ledger::{Generation, StreamId, Unit};
 use rand::RngExt as _;
 use results::optima::Optima;
@@ -90,7 +90,7 @@ impl lab::tradeoff::Runner for Programs<'_> {
         self.runtime.block_on(run(self.campaign, self.out, load))
     }
 
-    fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<Ended>> {
+    fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<ApproachResult>> {
         let whole = whole(campaign, self.out, &self.shutdown);
         self.runtime.block_on(whole)
     }
@@ -101,7 +101,7 @@ async fn whole(
     campaign: &Campaign,
     out: &Path,
     shutdown: &CancellationToken,
-) -> anyhow::Result<Vec<Ended>> {
+) -> anyhow::Result<Vec<ApproachResult>> {
     let folder = tempfile::tempdir_in(out)?;
     let path = |name: &str| folder.path().join(name);
     std::fs::write(path("campaign.toml"), toml::to_string(campaign)?)?;
@@ -134,12 +134,12 @@ async fn whole(
         );
     }
     let store = Store::open_read_only(&path("campaign.db")).await?;
-    let mut ended = Vec::new();
+    let mut results = Vec::new();
     let problem = Problem::new(campaign.clone());
     for verified in Optima::read(&store, &problem).await?.iter() {
         let optimum = &verified.optimum;
         let percentile = verified.percentile.filter(|_| optimum.feasible().is_some());
-        ended.push(Ended {
+        results.push(ApproachResult {
             approach: optimum.approach,
             calls: optimum.cost.simulator_calls as f64,
             seconds: optimum.cost.cpu_seconds,
@@ -147,7 +147,7 @@ async fn whole(
         });
     }
     store.close().await?;
-    Ok(ended)
+    Ok(results)
 }
 
 /// Runs samples of this campaign, or of the sleeping program, with a store in the folder `out`.

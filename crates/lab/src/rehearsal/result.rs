@@ -14,20 +14,15 @@ pub const SAMPLE_SECONDS: f64 = 2e-6;
 /// Numbers of calls by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Calls {
-    /// Registrations.
     pub register: u64,
-    /// Requests for leases.
     pub lease: u64,
-    /// Reports of results.
     pub report: u64,
-    /// Heartbeats.
     pub heartbeat: u64,
-    /// Releases of leases.
     pub release: u64,
 }
 
 impl Calls {
-    /// The total number of calls.
+    /// The number of calls of all kinds.
     #[must_use]
     pub const fn all(&self) -> u64 {
         self.register + self.lease + self.report + self.heartbeat + self.release
@@ -45,7 +40,6 @@ pub struct Rehearsal {
     pub lost_samples: u64,
     /// Share of the slots' time spent on delivered samples.
     pub busy: f64,
-    /// Numbers of calls by kind.
     pub calls: Calls,
     /// Size of all leases and results, in bytes.
     pub message_bytes: u64,
