@@ -315,8 +315,6 @@ mod tests {
         // A and B miss independently: 1 − 0.9² of 512 rows are 97.
         assert!((80..115).contains(&found.left_out), "{}", found.left_out);
         assert!(found.first[0].value > 0.3);
-        let error = analyse(2, 512, 0, |_| f64::NAN).unwrap_err();
-        assert!(matches!(error, Error::TooFewSamples { got: 0, .. }));
     }
 
     #[test]
@@ -324,8 +322,6 @@ mod tests {
         assert!(SensitivityPlan::new(0, 64, 0).is_err());
         assert!(SensitivityPlan::new(129, 64, 0).is_err());
         assert!(SensitivityPlan::new(3, 7, 0).is_err());
-        let error = analyse(2, 64, 0, |_| 5.0).unwrap_err();
-        assert!(error.to_string().contains("does not depend"), "{error}");
         let plan = SensitivityPlan::new(2, 64, 0).unwrap();
         assert_eq!((plan.len(), plan.is_empty()), (256, false));
         let rng = &mut stream(1, Purpose::Test, 0, 0);

@@ -1,7 +1,7 @@
 //! Whole runs: the budget, the restarts, and what is reported.
 
 use super::{cube, planned, rng};
-use cmaes::{Cause, Error, Evaluation, Outcome, Stop, minimise_run};
+use cmaes::{Cause, Evaluation, Outcome, Stop, minimise_run};
 
 fn sphere(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum()
@@ -94,35 +94,6 @@ fn odd_budgets_are_kept() {
             );
         }
     }
-}
-
-#[test]
-fn failures_everywhere_are_an_error() {
-    let run = |evaluations, value: f64| {
-        let options = planned(cube(0.0, 1.0, 3), evaluations, 0);
-        minimise_run(&[0.5; 3], options, &mut rng(1), &mut |_: &[f64]| value)
-    };
-    let evaluations = 1000;
-    assert_eq!(
-        run(1000, f64::NAN),
-        Err(Error::NothingUsable { evaluations })
-    );
-    assert_eq!(run(0, 1.0), Err(Error::NoBudget));
-}
-
-/// The start lies where nothing can be evaluated; restarts from random points find the rest.
-#[test]
-fn a_run_gets_out_of_a_region_of_failures() {
-    let bounds = cube(0.0, 1.0, 2);
-    let mut island = |x: &[f64]| {
-        let distance = (x[0] - 0.95).hypot(x[1] - 0.95);
-        if distance < 0.04 { distance } else { f64::NAN }
-    };
-    let run = planned(bounds, 12_000, 6000);
-    let outcome = minimise_run(&[0.0; 2], run, &mut rng(1), &mut island).unwrap();
-    assert!(outcome.value < 1e-6, "{}", outcome.value);
-    let first = outcome.restarts[0];
-    assert!(matches!(first.cause, Cause::Stopped(Stop::AllFailed { .. })) && first.best.is_none());
 }
 
 /// Feasible near one corner only; the better values are all infeasible.

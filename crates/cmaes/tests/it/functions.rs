@@ -22,13 +22,9 @@ fn rosenbrock(x: &[f64]) -> f64 {
         .sum()
 }
 
-/// Evaluations until the best value is within 1e-9 of the minimum, for each of 7 seeds, sorted;
-/// failures count as `usize::MAX`.
-fn needed<E: Into<Evaluation> + Copy>(
-    dimension: usize,
-    minimum: f64,
-    f: impl Fn(&[f64]) -> E,
-) -> Vec<usize> {
+/// Evaluations until the best value is at most 1e-9, for each of 7 seeds, sorted; failures count as
+/// `usize::MAX`.
+fn needed(dimension: usize, f: impl Fn(&[f64]) -> f64) -> Vec<usize> {
     let mut needed: Vec<usize> = (0..7)
         .map(|seed| {
             let mut rng = rng(100 + seed);
@@ -40,7 +36,7 @@ fn needed<E: Into<Evaluation> + Copy>(
                 let limit = search.evaluations() + 10;
                 run(&mut search, limit, &mut rng, &f);
                 let (_, best) = search.best().unwrap();
-                if best.is_feasible() && best.value <= minimum + 1e-9 {
+                if best.value <= 1e-9 {
                     return search.evaluations();
                 }
             }
@@ -63,7 +59,7 @@ fn evaluations_are_those_of_the_reference_implementation() {
     ];
     for (name, f, medians) in cases {
         for (dimension, reference) in medians {
-            let needed = needed(dimension, 0.0, f);
+            let needed = needed(dimension, f);
             let ratio = needed[3] as f64 / reference as f64;
             assert!(
                 (0.7..1.3).contains(&ratio),
@@ -94,7 +90,7 @@ fn a_monotone_transformation_changes_nothing() {
 
 #[test]
 fn a_single_variable_is_enough() {
-    let needed = needed(1, 0.0, |x| (x[0] - 0.25).powi(2));
+    let needed = needed(1, |x| (x[0] - 0.25).powi(2));
     assert!(needed[6] < 1000, "{needed:?}");
 }
 
@@ -112,19 +108,6 @@ fn many_minima_are_worked_through() {
     let mut objective = |x: &[f64]| rastrigin(x);
     let outcome = cmaes::minimise_run(&[3.3; 6], run, &mut rng(1), &mut objective).unwrap();
     assert!(outcome.value < 12.0, "{}", outcome.value);
-}
-
-/// The minimum is on the edge of the feasible half-space, where half of all candidates fail.
-#[test]
-fn the_edge_of_a_half_space_is_reached_from_inside() {
-    let edge = |x: &[f64]| Evaluation {
-        value: sphere(x),
-        violation: (1.0 - x[0]).max(0.0),
-    };
-    for (dimension, budget) in [(6, 4000), (11, 9000)] {
-        let needed = needed(dimension, 1.0, edge);
-        assert!(needed[6] <= budget, "{dimension} variables: {needed:?}");
-    }
 }
 
 /// With all candidates of the start infeasible, the search first minimises the violation.

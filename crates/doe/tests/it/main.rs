@@ -237,31 +237,6 @@ fn points_come_in_random_order() {
     }
 }
 
-#[test]
-fn sizes_out_of_range_are_refused() {
-    for n in [0, 1, 100_001, usize::MAX] {
-        assert_eq!(maximin(n, 6, &Options::default()), Err(Error::Points { n }));
-        assert_eq!(random_lhs(n, 6, 0), Err(Error::Points { n }));
-    }
-    for d in [0, 21, usize::MAX] {
-        assert_eq!(
-            maximin(10, d, &Options::default()),
-            Err(Error::Variables { d })
-        );
-        assert_eq!(random_lhs(10, d, 0), Err(Error::Variables { d }));
-    }
-    for effort in [-1.0, f64::INFINITY] {
-        assert_eq!(
-            maximin(10, 2, &options(0, effort)),
-            Err(Error::Effort { effort })
-        );
-    }
-    assert!(matches!(
-        maximin(10, 2, &options(0, f64::NAN)),
-        Err(Error::Effort { .. })
-    ));
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
@@ -339,46 +314,6 @@ fn new_points_keep_away_from_the_old_ones() {
         spread > random + 0.1 && spread > 0.75 * fresh,
         "{random} {spread} {fresh}"
     );
-}
-
-#[test]
-fn designs_that_cannot_grow_are_refused() {
-    let start = maximin(20, 2, &options(0, 0.1)).unwrap();
-    let to = |n| enlarge(&start, n, &options(0, 1.0));
-    assert_eq!(
-        to(20),
-        Err(Error::Shrinking {
-            n: 20,
-            existing: 20
-        })
-    );
-    assert_eq!(to(100_001), Err(Error::Points { n: 100_001 }));
-    for bad in [1.5, -0.1, f64::NAN] {
-        let mut outside = start.clone();
-        outside.points[7] = bad;
-        let refused = enlarge(&outside, 40, &options(0, 1.0)).unwrap_err();
-        assert_eq!(
-            check_enlarge(&outside, 40).map_err(|e| e.to_string()),
-            Err(refused.to_string())
-        );
-        let text = refused.to_string();
-        assert!(
-            text.contains("point 3") && text.contains("variable 1"),
-            "{text}"
-        );
-    }
-    let mut short = start.clone();
-    short.points.pop();
-    assert_eq!(
-        check_enlarge(&short, 40),
-        Err(Error::Coordinates {
-            n: 20,
-            d: 2,
-            got: 39
-        })
-    );
-    assert_eq!(check_enlarge(&start, 40), Ok(()));
-    assert!(enlarge(&start, 40, &options(0, f64::NAN)).is_err());
 }
 
 /// The strata of `n` that hold at least one point, variable by variable.
@@ -469,7 +404,6 @@ fn sobol_points_fill_every_stratum_evenly() {
     let discrepancy = |design: Design| design.centred_discrepancy();
     let random = discrepancy(random_lhs(256, 6, 7).unwrap());
     assert!(discrepancy(sobol(256, 6, 7).unwrap()) < random);
-    assert_eq!(sobol(70_000, 6, 7), Err(Error::SobolPoints { n: 70_000 }));
 }
 
 #[test]
@@ -501,22 +435,15 @@ fn every_method_grows_and_keeps_its_points() {
     assert_eq!(random, enlarge(&start, 128, &options(5, 0.0)).unwrap());
 }
 
+/// Differences in the last digits, as conversions of units leave them, are accepted.
 #[test]
-fn only_the_beginning_of_a_sobol_sequence_is_continued() {
-    let start = sobol(20, 2, 5).unwrap();
-    let check = |design: &Design, n, seed| Method::Sobol.check_enlarge(design, n, seed);
-    assert_eq!(check(&start, 40, 6), Err(Error::OtherSequence { point: 0 }));
-    let mut moved = start.clone();
-    moved.points[7] += 1e-6;
-    assert_eq!(check(&moved, 40, 5), Err(Error::OtherSequence { point: 3 }));
-    assert_eq!(
-        check(&start, 65_537, 5),
-        Err(Error::SobolPoints { n: 65_537 })
-    );
-    // Differences in the last digits, as conversions of units leave them, are accepted.
-    moved.points[7] = start.points[7] + 1e-15;
-    let grown = Method::Sobol.enlarge(&moved, 40, &options(5, 1.0)).unwrap();
-    assert_eq!(grown.points[..40], moved.points);
+fn a_rounded_sobol_sequence_is_continued() {
+    let mut rounded = sobol(20, 2, 5).unwrap();
+    rounded.points[7] += 1e-15;
+    let grown = Method::Sobol
+        .enlarge(&rounded, 40, &options(5, 1.0))
+        .unwrap();
+    assert_eq!(grown.points[..40], rounded.points);
 }
 
 #[test]

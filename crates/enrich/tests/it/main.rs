@@ -1,7 +1,8 @@
-//! Rounds as a caller sees them: on cheap functions with known optima, and on unusual input.
+//! Rounds as a caller sees them, on cheap functions with known optima. The stability atlas of the crate `lab` has
+//! the responses on which a round can hardly decide.
 
 mod convergence;
-mod stability;
+mod refusals;
 mod stopping;
 
 use cmaes::Bounds;

@@ -120,20 +120,27 @@ fn a_budget_too_small_for_a_new_design_is_not_convergence() {
 }
 
 #[test]
-fn a_budget_too_small_to_fill_space_is_not_infeasibility() {
+fn there_are_no_more_rounds_than_there_may_be() {
     let problem = Problem {
-        response: |_| 100.0,
-        noise: 0.0,
+        response: |x| 1.0 + x[0],
+        noise: 0.1,
         ..waves()
     };
-    let settings = Options {
-        samples_new: 100,
-        samples_more: 10,
-        samples_left: 50,
+    let mut state = sampled(&problem, 30, 30);
+    let limited = Options {
+        rounds: 1,
         ..options(&problem)
     };
-    let decision = decide(&sampled(&problem, 20, 30), &settings, &problem.violation).unwrap();
-    assert_eq!(decision.stop, Some(Stop::Budget { samples: 50 }));
+    let first = decide(&state, &limited, &problem.violation).unwrap();
+    assert_eq!(first.stop, None);
+    state.rounds.push(RoundRecord {
+        expected_improvement: first.expected_improvement,
+        asked: 0,
+        failed: 0,
+    });
+    let second = decide(&state, &limited, &problem.violation).unwrap();
+    assert_eq!(second.stop, Some(Stop::Rounds { rounds: 1 }));
+    assert!(second.recommendation.is_some() && second.infill.is_empty());
 }
 
 /// The whole feasible set is one design, (0.25, 0.5), which has one sample: it is number 20.

@@ -1,8 +1,7 @@
 //! Tip relief and crowning.
 
 use gear::{
-    Corrections, Discretisation, Error, Member, Pair, PairInput, ReliefShape, Size, TipRelief,
-    ToothModel,
+    Corrections, Discretisation, Member, Pair, PairInput, ReliefShape, Size, TipRelief, ToothModel,
 };
 use stats::streams::{Purpose, stream};
 
@@ -188,26 +187,6 @@ fn the_right_relief_quietens_a_spur_pair() {
     assert!(much > 1.5 * right, "{much} against {right}");
 }
 
-/// Without load the relieved flanks touch where the gap is lowest, which is the limit of light loads.
-#[test]
-fn a_relieved_pair_without_load_is_the_limit_of_light_loads() {
-    let corrections = Corrections::default()
-        .with_tip_relief(Member::Pinion, relief(0.02, 2.0, ReliefShape::Linear))
-        .with_tip_relief(Member::Gear, relief(0.02, 2.0, ReliefShape::Linear));
-    for helix_angle in [0.0, 15_f64.to_radians()] {
-        let delta = |pinion_torque: f64| {
-            let input = PairInput {
-                helix_angle,
-                pinion_torque,
-                ..plain()
-            };
-            corrected(&input, &corrections).unworn().delta_ste_um
-        };
-        let (none, light) = (delta(0.0), delta(1e-3));
-        assert!((none - light).abs() < 1e-3, "{helix_angle}: {none} {light}");
-    }
-}
-
 #[test]
 fn corrections_follow_their_gear() {
     let input = figure_7();
@@ -244,42 +223,6 @@ fn corrected_pairs_converge() {
     let coarse = corrected(&figure_7(), &everything());
     let error = coarse.unworn().delta_ste_um / converged.pair.unworn().delta_ste_um - 1.0;
     assert!(error.abs() < 5e-3, "{error}");
-}
-
-#[test]
-fn bad_corrections_are_refused() {
-    let disc = Discretisation::default();
-    let bad = |corrections: Corrections, field: &str| {
-        let error = Pair::with_corrections(&plain(), &corrections, &disc).unwrap_err();
-        let Error::Input(error) = error else {
-            panic!("{error} is not about the input")
-        };
-        assert_eq!(error.field, field);
-    };
-    let none = Corrections::default();
-    bad(none.with_crowning(-1e-3), "crowning");
-    bad(none.with_crowning(f64::NAN), "crowning");
-    bad(
-        none.with_tip_relief(Member::Gear, relief(1e-3, 0.0, ReliefShape::Linear)),
-        "tip_relief[1].length",
-    );
-    bad(
-        none.with_tip_relief(Member::Pinion, relief(-1.0, 1.0, ReliefShape::Linear)),
-        "tip_relief[0].amount",
-    );
-    let wide = PairInput {
-        face_width: 1e5,
-        ..plain()
-    };
-    let whole = PairInput {
-        tooth_model: ToothModel::WholeFaceBeam,
-        ..plain()
-    };
-    for input in [wide, whole] {
-        let error = Pair::with_corrections(&input, &none.with_crowning(1e-3), &disc).unwrap_err();
-        let error = error.to_string();
-        assert!(error.starts_with("crowning is 0.001"), "{error}");
-    }
 }
 
 /// Every place of a flank is touched once a period, so the greatest pressure of a row is that of the place.

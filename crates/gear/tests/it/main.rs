@@ -1,12 +1,11 @@
-//! Integration tests of the gear simulator: published cases, the paper's designs, invariants,
-//! refusals, a fuzz, an independent slice sum and convergence.
+//! Integration tests of the gear simulator: published cases, the paper's designs, invariants, a fuzz, an independent
+//! slice sum and convergence. The stability atlas of the crate `lab` has the refusals and the limits of the model.
 
 mod adversary;
 mod convergence;
 mod corrections;
 mod fuzz;
 mod general;
-mod infeasible;
 mod invariants;
 mod laws;
 mod manufacture;
@@ -15,3 +14,4 @@ mod reference;
 mod slices;
 mod spread;
 mod support;
+mod tip_rule;

@@ -142,3 +142,35 @@ fn ranges_at_a_bound_are_reported_together() {
     };
     assert_eq!(model.warnings(), [expected]);
 }
+
+#[test]
+fn noisy_duplicates_count_one_by_one() {
+    // Three observations at point 4, two at point 9, with unequal noise.
+    let mut indices: Vec<usize> = (0..25).collect();
+    indices.extend([4, 4, 9]);
+    let mut sample = Sample::smooth(25, 2, 0.05).pick(&indices);
+    for (i, (y, v)) in [(0.2, 2.0), (-0.1, 0.7), (0.15, 1.3)]
+        .into_iter()
+        .enumerate()
+    {
+        sample.y[25 + i] += y;
+        sample.noise[25 + i] *= v;
+    }
+    let model = fit(&sample.data(), &FitOptions::default()).unwrap();
+    assert_eq!(
+        model.warnings()[0],
+        Warning::MergedDuplicates {
+            observations: 28,
+            distinct: 25
+        }
+    );
+    // The dense formulas do not merge.
+    let dense = Dense::new(model.kernel(), &sample, model.parameters());
+    let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
+    assert!(error.abs() < 1e-8, "{error}");
+    for x in [[0.5, 0.5], [0.1, 0.7]] {
+        let (mean, variance) = dense.predict(&x);
+        let ours = model.predict(&x);
+        assert!((ours.mean - mean).abs() < 1e-8 && (ours.variance - variance).abs() < 1e-8);
+    }
+}

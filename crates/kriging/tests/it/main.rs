@@ -1,8 +1,8 @@
-//! Kriging against dense formulas written out, brute force, and the results of other libraries.
+//! Kriging against dense formulas written out, brute force, and the results of other libraries. The stability atlas
+//! of the crate `lab` has the data on which a fit is refused or gives warnings.
 
 mod common;
 mod contradictions;
-mod degenerate;
 mod formulas;
 mod growing;
 mod hartmann;

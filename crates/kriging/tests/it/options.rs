@@ -1,6 +1,6 @@
 //! The options of the fit beside ordinary kriging: linear trend, nugget, calibration, refusal.
 
-use kriging::{Error, Estimator, FitOptions, Model, Nugget, Trend, fit};
+use kriging::{Estimator, FitOptions, Model, Nugget, Trend, fit};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
@@ -44,38 +44,6 @@ fn universal_kriging_is_that_of_the_dense_formulas() {
         assert_eq!(again.parameters(), model.parameters());
         assert!((again.predict(other.row(0)).variance - many[0].variance).abs() < 1e-12);
     }
-}
-
-#[test]
-fn a_plane_is_extrapolated_and_a_degenerate_one_is_refused() {
-    let mut sample = Sample::smooth(30, 2, 0.0);
-    let plane = |x: &[f64]| 3.0 + 2.0 * x[0] - 7.0 * x[1];
-    let mut rng = stream(8, Purpose::Test, 0, 0);
-    sample.noise.fill(1e-4);
-    sample.y = sample
-        .x
-        .chunks(2)
-        .map(|x| plane(x) + 0.01 * 12.0_f64.sqrt() * (rng.random::<f64>() - 0.5))
-        .collect();
-    let model = fit(&sample.data(), &linear()).unwrap();
-    // Standard errors of the slopes: 0.01/√(30/12) = 0.006; at (3, −2), 0.025 or so; four of them.
-    assert!((model.parameters().slopes[0] - 2.0).abs() < 0.025);
-    assert!((model.mean(&[3.0, -2.0]) - plane(&[3.0, -2.0])).abs() < 0.1);
-
-    // All points on a line: two slopes cannot be distinguished.
-    sample.x.chunks_mut(2).for_each(|x| x[1] = 0.5 * x[0]);
-    assert!(matches!(
-        fit(&sample.data(), &linear()),
-        Err(Error::Trend {
-            distinct: 30,
-            coefficients: 3
-        })
-    ));
-    let few = Sample::smooth(3, 2, 0.01);
-    assert!(matches!(
-        fit(&few.data(), &linear()),
-        Err(Error::Trend { distinct: 3, .. })
-    ));
 }
 
 #[test]
@@ -170,28 +138,6 @@ fn calibration_does_not_narrow_the_intervals_of_few_points() {
     }
     // A factor above 1 needs no such confidence.
     assert!(wider > 0);
-}
-
-#[test]
-fn a_model_without_structure_is_refused_on_demand() {
-    let mut sample = Sample::smooth(80, 3, 0.0);
-    let mut rng = stream(5, Purpose::Test, 0, 0);
-    sample.y.iter_mut().for_each(|y| *y = rng.random::<f64>());
-    sample.noise.fill(1.0 / 12.0);
-    let strict = FitOptions {
-        refuse_no_structure: true,
-        ..FitOptions::default()
-    };
-    assert!(matches!(
-        fit(&sample.data(), &strict),
-        Err(Error::NoStructure { gain, needed }) if gain < needed
-    ));
-    sample.y.fill(1.0);
-    assert!(matches!(
-        fit(&sample.data(), &strict),
-        Err(Error::NoStructure { .. })
-    ));
-    assert!(fit(&Sample::smooth(80, 3, 0.05).data(), &strict).is_ok());
 }
 
 /// 40 points in 20 dimensions.

@@ -1,8 +1,8 @@
 //! Kriging by nearest-neighbour conditioning against the exact one.
 
 use kriging::{
-    Data, Error, FitOptions, Method, Response, Settings, Surrogate, Trend, VecchiaOptions, Warning,
-    fit, fit_vecchia,
+    Data, Error, FitOptions, Method, Response, Settings, Surrogate, VecchiaOptions, Warning, fit,
+    fit_vecchia,
 };
 
 use rand::RngExt as _;
@@ -165,16 +165,6 @@ fn the_method_is_chosen_by_its_name_and_by_the_number_of_points() {
     let variance = |model: &Surrogate| model.predict_many(&x).unwrap()[0].variance;
     let ratio = variance(&model) / variance(&near);
     assert!((ratio / model.calibration() - 1.0).abs() < 1e-9);
-    let linear = FitOptions {
-        trend: Trend::Linear,
-        ..FitOptions::default()
-    };
-    assert!(matches!(
-        Surrogate::fit(&sample.data(), &with_method(Method::Vecchia, linear)),
-        Err(Error::ExactOnly {
-            what: "a linear trend"
-        })
-    ));
 }
 
 /// A model of ln y is that of the logarithms, converted to units of y.

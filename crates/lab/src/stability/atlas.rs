@@ -1,6 +1,8 @@
-//! The results of the table: as a page, as CSV, as JSON, and as lines of text.
+//! The atlas: all entries with their outcomes, as a page, as tables, as JSON, and as lines of text.
 
 use results::report::{AtlasEntry, AtlasMethod, AtlasPage, Chart};
+use results::row;
+use results::table::{Column, Table};
 use serde_json::{Value, json};
 
 use crate::stability::{Entry, Method, Outcome, entries};
@@ -8,32 +10,26 @@ use crate::stability::{Entry, Method, Outcome, entries};
 /// All entries with their outcomes.
 #[derive(Debug, Clone)]
 pub struct Atlas {
-    found: Vec<(Entry, Outcome)>,
+    entries: Vec<(Entry, Outcome)>,
 }
 
 impl Atlas {
     /// Runs all entries in their order.
     #[must_use]
     pub fn run() -> Self {
-        let found = entries().into_iter().map(|entry| (entry, entry.run()));
+        let entries = entries().into_iter().map(|entry| (entry, entry.run()));
         Self {
-            found: found.collect(),
+            entries: entries.collect(),
         }
     }
 
-    /// The entries with their outcomes.
-    #[must_use]
-    pub fn found(&self) -> &[(Entry, Outcome)] {
-        &self.found
-    }
-
-    /// Whether every entry keeps its promises.
+    /// Whether every promise is kept.
     #[must_use]
     pub fn is_kept(&self) -> bool {
-        self.found.iter().all(|(_, outcome)| outcome.is_kept())
+        self.entries.iter().all(|(_, outcome)| outcome.is_kept())
     }
 
-    /// The page, one self-contained HTML file.
+    /// The page, one HTML file without external parts.
     ///
     /// # Errors
     ///
@@ -46,7 +42,7 @@ impl Atlas {
     }
 
     fn method(&self, method: Method) -> AtlasMethod {
-        let own = self.found.iter();
+        let own = self.entries.iter();
         let own = own.filter(|(entry, _)| entry.method == method);
         AtlasMethod {
             name: method.name().to_owned(),
@@ -54,47 +50,62 @@ impl Atlas {
         }
     }
 
-    /// The tables by the names of their files: `promises.csv`, `figures.csv`, and the points of each
-    /// chart in a table of its own.
+    /// The tables as CSV, by the names of their files: `promises.csv`, `figures.csv`, and one for each chart.
     ///
     /// # Errors
     ///
-    /// A table cannot be written to memory.
-    pub fn tables(&self) -> Result<Vec<(String, Vec<u8>)>, csv::Error> {
-        let mut promises = vec![["entry", "method", "promise", "kept"].map(str::to_owned)];
-        let mut figures = vec![["entry", "figure", "value", "unit"].map(str::to_owned)];
+    /// A row does not fit its table.
+    pub fn tables(&self) -> anyhow::Result<Vec<(String, Vec<u8>)>> {
+        let mut promises = Table::new(vec![
+            Column::text("entry"),
+            Column::text("method"),
+            Column::text("promise"),
+            Column::whole("kept"),
+        ]);
+        let mut figures = Table::new(vec![
+            Column::text("entry"),
+            Column::text("figure"),
+            Column::number("value"),
+            Column::text("unit"),
+        ]);
         let mut tables = Vec::new();
-        for (entry, outcome) in &self.found {
-            let id = entry.id.to_owned();
-            promises.extend(outcome.promises().iter().map(|promise| {
-                let kept = u8::from(promise.is_kept).to_string();
-                let method = entry.method.name().to_owned();
-                [id.clone(), method, promise.sentence.clone(), kept]
-            }));
-            figures.extend(outcome.figures().iter().map(|figure| {
-                let value = figure.value.to_string();
-                [id.clone(), figure.name.clone(), value, figure.unit.clone()]
-            }));
+        for (entry, outcome) in &self.entries {
+            let (id, method) = (entry.id, entry.method.name());
+            for promise in outcome.promises() {
+                let row = row![id, method, promise.sentence.clone(), promise.is_kept];
+                promises.rows.push(row.to_vec());
+            }
+            for figure in outcome.figures() {
+                let row = row![id, figure.name.clone(), figure.value, figure.unit.clone()];
+                figures.rows.push(row.to_vec());
+            }
             for (number, chart) in (1..).zip(outcome.charts()) {
                 let name = match outcome.charts().len() {
                     1 => format!("{id}.csv"),
                     _ => format!("{id}-{number}.csv"),
                 };
-                tables.push((name, csv_of(&points(chart))?));
+                tables.push((name, points(chart).csv()?));
             }
         }
-        tables.push(("promises.csv".to_owned(), csv_of(&promises)?));
-        tables.push(("figures.csv".to_owned(), csv_of(&figures)?));
+        tables.push(("promises.csv".to_owned(), promises.csv()?));
+        tables.push(("figures.csv".to_owned(), figures.csv()?));
         Ok(tables)
     }
 
-    /// One line for each entry, and one for all.
+    /// One line for each entry, and a last one for all.
     #[must_use]
     pub fn describe(&self) -> String {
-        let mut text: String = self.found.iter().map(|(entry, o)| line(entry, o)).collect();
-        let broken = self.found.iter().filter(|(_, outcome)| !outcome.is_kept());
+        let mut text: String = self
+            .entries
+            .iter()
+            .map(|(entry, o)| line(entry, o))
+            .collect();
+        let broken = self
+            .entries
+            .iter()
+            .filter(|(_, outcome)| !outcome.is_kept());
         let broken = broken.count();
-        let all = self.found.len();
+        let all = self.entries.len();
         text += &match broken {
             0 => format!("all {all} entries keep their promises\n"),
             _ => format!("{broken} of {all} entries break a promise\n"),
@@ -105,7 +116,7 @@ impl Atlas {
     /// The entries as JSON.
     #[must_use]
     pub fn to_json(&self) -> Value {
-        let entries = self.found.iter().map(|(entry, outcome)| {
+        let entries = self.entries.iter().map(|(entry, outcome)| {
             let detected = outcome.detections().iter();
             let figures = outcome.figures().iter();
             let promises = outcome.promises().iter();
@@ -131,7 +142,7 @@ impl Atlas {
     }
 }
 
-/// `kept    kriging-outlier    error without it 1.2e-3`, for example; broken promises follow.
+/// The line of an entry, such as `kept    kriging-outlier    error without it 1.2e-3`, and its broken promises.
 fn line(entry: &Entry, outcome: &Outcome) -> String {
     let verdict = if outcome.is_kept() { "kept" } else { "BROKEN" };
     let figure = outcome.figures().first().map_or_else(String::new, |f| {
@@ -175,22 +186,20 @@ fn view(entry: &Entry, outcome: &Outcome) -> AtlasEntry {
     }
 }
 
-/// The points of a chart, curve after curve.
-fn points(chart: &Chart) -> Vec<[String; 3]> {
-    let head = ["curve", chart.x.label.as_str(), chart.y.label.as_str()];
-    let mut rows = vec![head.map(str::to_owned)];
+/// The points of a chart, one curve after the other.
+fn points(chart: &Chart) -> Table {
+    let mut table = Table::new(vec![
+        Column::text("curve"),
+        Column::number(&*chart.x.label),
+        Column::number(&*chart.y.label),
+    ]);
     for series in &chart.series {
         let name = series.name.clone().unwrap_or_default();
-        let points = series.points.iter();
-        rows.extend(points.map(|[x, y]| [name.clone(), x.to_string(), y.to_string()]));
+        let rows = series
+            .points
+            .iter()
+            .map(|[x, y]| row![name.clone(), *x, *y].to_vec());
+        table.rows.extend(rows);
     }
-    rows
-}
-
-fn csv_of<const N: usize>(rows: &[[String; N]]) -> Result<Vec<u8>, csv::Error> {
-    let mut out = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        out.write_record(row)?;
-    }
-    out.into_inner().map_err(|error| error.into_error().into())
+    table
 }

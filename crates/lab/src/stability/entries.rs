@@ -1,4 +1,4 @@
-//! The table, by method. The scene of a method holds what its entries share.
+//! The entries by method. A module `…_scene` has the helpers that the entries of a method share.
 
 mod designs;
 mod enrichment;
@@ -21,7 +21,7 @@ mod verification;
 
 use crate::stability::Entry;
 
-/// All entries, in the order of the page.
+/// Returns all entries in the order of the page.
 #[must_use]
 pub fn entries() -> Vec<Entry> {
     let groups: [&[Entry]; 14] = [

@@ -1,28 +1,20 @@
 //! One entry of the table.
 
-use crate::stability::outcome::{Failed, Outcome};
+use crate::stability::outcome::{EntryError, Outcome};
 
 /// The methods, in the order of the page.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// Kriging: covariance, likelihood, data.
     Kriging,
-    /// Percentiles, their intervals, normality tests.
     Statistics,
-    /// Designs of experiments.
     Designs,
-    /// CMA-ES and the penalised objective.
     Search,
-    /// Enrichment of a model near an optimum.
     Enrichment,
-    /// Gear pairs.
     Gears,
-    /// Leases of samples to workers.
     Leases,
 }
 
 impl Method {
-    /// All methods.
     pub const ALL: [Self; 7] = [
         Self::Kriging,
         Self::Statistics,
@@ -33,7 +25,7 @@ impl Method {
         Self::Leases,
     ];
 
-    /// The name, which begins with a capital letter.
+    /// The heading of the method's section.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -51,21 +43,20 @@ impl Method {
 /// An input on which a method breaks or nearly does.
 #[derive(Debug, Clone, Copy)]
 pub struct Entry {
-    /// A short stable name.
+    /// Stable name of the entry, also its anchor in the page.
     pub id: &'static str,
-    /// The method.
     pub method: Method,
-    /// The effect of the input, in a few words.
+    /// Heading of the entry: the input in a few words.
     pub title: &'static str,
-    /// The input.
+    /// Description of the input.
     pub input: &'static str,
     /// The library's behaviour instead of a failure.
     pub instead: &'static str,
-    pub(crate) check: fn(&mut Outcome) -> Result<(), Failed>,
+    pub(crate) check: fn(&mut Outcome) -> Result<(), EntryError>,
 }
 
 impl Entry {
-    /// An entry without a text, which promises nothing and so is never kept.
+    /// An empty entry, the base of all others. It makes no promise and so always fails.
     pub(crate) const fn blank(method: Method) -> Self {
         Self {
             id: "",
@@ -77,16 +68,16 @@ impl Entry {
         }
     }
 
-    /// Runs the library on the input and measures. An error that the entry does not expect is a broken
-    /// promise, as is an entry that promises nothing.
+    /// Runs the library on the input. An unexpected error breaks a promise, and so does an entry without
+    /// promises.
     #[must_use]
     pub fn run(&self) -> Outcome {
         let mut outcome = Outcome::default();
         if let Err(error) = (self.check)(&mut outcome) {
-            outcome.holds(&format!("the entry runs to its end ({error})"), false);
+            outcome.holds(&format!("the entry ends without an error ({error})"), false);
         }
         if outcome.promises().is_empty() {
-            outcome.holds("the entry promises something", false);
+            outcome.holds("the entry makes a promise", false);
         }
         outcome
     }
@@ -96,7 +87,7 @@ impl Entry {
 mod tests {
     use super::*;
 
-    fn entry(check: fn(&mut Outcome) -> Result<(), Failed>) -> Entry {
+    fn entry(check: fn(&mut Outcome) -> Result<(), EntryError>) -> Entry {
         Entry {
             id: "id",
             method: Method::Kriging,
@@ -108,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_broken_promise_an_error_and_silence_are_not_kept() {
+    fn a_broken_promise_an_error_or_no_promise_fails_an_entry() {
         let kept = entry(|outcome| {
             outcome.at_most("error", 1.0, "µm", 2.0);
             Ok(())

@@ -1,13 +1,13 @@
-//! The stability atlas: inputs on which a method breaks or nearly does, run and measured.
+//! The stability atlas: the robustness tests of all methods, which users can run.
 //!
-//! [`entries`] is the one table. Each [`Entry`] names an input and what is done instead of failing; its
-//! [`run`](Entry::run) calls the library, takes the names of warnings and refusals and their messages from
-//! what the library returns, measures, and says which promises were kept. The crate's tests run the table
-//! and fail where a promise is broken; `coordinator stability` writes the page from the same run
-//! ([`Atlas`]), so the page cannot say what the tests do not.
+//! Each [`Entry`] describes an input on which a method fails or nearly does, and what the library does instead of
+//! failing. Its [`run`](Entry::run) calls the library, records the warnings, refusals and messages that the library
+//! returns, measures, and checks the promises of the entry. The tests of this crate run all entries and fail when a
+//! promise is broken. `coordinator stability` writes the page of the same run ([`Atlas`]).
 //!
-//! Random numbers come from the named streams of `stats`, and no figure is a time, so that equal builds
-//! give equal pages.
+//! A robustness test belongs here and not into the crate of the method.
+//!
+//! Random numbers come from the named streams of `stats`, and no figure is a time: the same build gives the same page.
 
 mod atlas;
 mod entries;

@@ -4,28 +4,26 @@ use std::fmt::{Debug, Display};
 
 use results::report::{Axis, Chart, Mark, NamedValue, Scale, Series};
 
-/// Why an entry could not run to its end.
-pub(crate) type Failed = Box<dyn std::error::Error>;
+/// An error that ends an entry early.
+pub(crate) type EntryError = Box<dyn std::error::Error>;
 
-/// A warning, a refusal or a reason that the code returned.
+/// A warning, a refusal or a reason that the library returned.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Detection {
-    /// Name of the detection in the code.
+    /// Name of the type or variant in the code.
     pub name: String,
-    /// Message of the detection; empty for a state that has none.
+    /// Message to the user; empty for a state without one.
     pub message: String,
 }
 
-/// An assertion of an entry.
+/// A promise of an entry, and whether the library kept it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Promise {
-    /// The assertion, as a sentence.
     pub sentence: String,
-    /// Whether it holds.
     pub is_kept: bool,
 }
 
-/// The outcome of an entry: what was detected and measured, and which promises were kept.
+/// The outcome of an entry: detections, measured figures, charts and promises.
 #[derive(Debug, Clone, Default)]
 pub struct Outcome {
     detections: Vec<Detection>,
@@ -35,25 +33,22 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// The warnings, refusals and reasons that the code returned, each once.
+    /// Detections, each once.
     #[must_use]
     pub fn detections(&self) -> &[Detection] {
         &self.detections
     }
 
-    /// The measured figures.
     #[must_use]
     pub fn figures(&self) -> &[NamedValue] {
         &self.figures
     }
 
-    /// The assertions.
     #[must_use]
     pub fn promises(&self) -> &[Promise] {
         &self.promises
     }
 
-    /// Curves.
     #[must_use]
     pub fn charts(&self) -> &[Chart] {
         &self.charts
@@ -65,7 +60,6 @@ impl Outcome {
         self.promises.iter().all(|promise| promise.is_kept)
     }
 
-    /// Records a figure.
     pub(crate) fn figure(&mut self, name: &str, value: f64, unit: &str) {
         self.figures.push(NamedValue {
             name: name.to_owned(),
@@ -74,8 +68,7 @@ impl Outcome {
         });
     }
 
-    /// Asserts a sentence. A promise that is asserted more than once is kept if it holds every
-    /// time.
+    /// Records a promise. A promise recorded more than once is kept if it was kept every time.
     pub(crate) fn holds(&mut self, sentence: &str, is_kept: bool) {
         let mut known = self.promises.iter_mut();
         match known.find(|promise| promise.sentence == sentence) {
@@ -87,21 +80,31 @@ impl Outcome {
         }
     }
 
-    /// Records a figure and asserts that it is a number of at most `limit`.
+    /// Records a figure with the promise that it is at most `limit`. NaN breaks the promise.
     pub(crate) fn at_most(&mut self, name: &str, value: f64, unit: &str, limit: f64) {
         self.figure(name, value, unit);
         let limit_text = with_unit(limit, unit);
         self.holds(&format!("{name} is at most {limit_text}"), value <= limit);
     }
 
-    /// Records a figure and asserts that it is a number of at least `limit`.
+    /// Records a figure with the promise that it is at least `limit`. NaN breaks the promise.
     pub(crate) fn at_least(&mut self, name: &str, value: f64, unit: &str, limit: f64) {
         self.figure(name, value, unit);
         let limit_text = with_unit(limit, unit);
         self.holds(&format!("{name} is at least {limit_text}"), value >= limit);
     }
 
-    /// Records what the code returned, under its name.
+    /// Records a figure with the promise that it is from `low` to `high`. NaN breaks the promise.
+    pub(crate) fn between(&mut self, name: &str, value: f64, unit: &str, [low, high]: [f64; 2]) {
+        self.figure(name, value, unit);
+        let limits = format!("{} to {}", with_unit(low, ""), with_unit(high, unit));
+        self.holds(
+            &format!("{name} is from {limits}"),
+            low <= value && value <= high,
+        );
+    }
+
+    /// Records a detection.
     pub(crate) fn detected(&mut self, name: impl Into<String>, message: impl Display) {
         let detection = Detection {
             name: name.into(),
@@ -112,12 +115,12 @@ impl Outcome {
         }
     }
 
-    /// Records a state of the code that has no message.
+    /// Records a detection without a message.
     pub(crate) fn named(&mut self, name: impl Into<String>) {
         self.detected(name, "");
     }
 
-    /// Records warnings, notes or reasons, and asserts that those `expected` are among them.
+    /// Records warnings, notes or reasons, with the promise that the `expected` ones are among them.
     pub(crate) fn warned<'a, W: Debug + Display + 'a>(
         &mut self,
         warnings: impl IntoIterator<Item = &'a W>,
@@ -135,7 +138,7 @@ impl Outcome {
         }
     }
 
-    /// Records the refusal of something, and asserts that it is the `expected` one.
+    /// Records an error, with the promise that it is the `expected` variant.
     pub(crate) fn refused<T, E: Debug + Display>(&mut self, result: Result<T, E>, expected: &str) {
         let is_expected = match result {
             Ok(_) => false,
@@ -148,7 +151,20 @@ impl Outcome {
         self.holds(&format!("it is refused as {expected}"), is_expected);
     }
 
-    /// Adds a chart of curves, each with its name.
+    /// Like [`Self::refused`], with the further promise that the message has the text `values`.
+    pub(crate) fn refused_with<T, E: Debug + Display>(
+        &mut self,
+        result: Result<T, E>,
+        expected: &str,
+        values: &str,
+    ) {
+        let message = result.as_ref().err().map(ToString::to_string);
+        let has_values = message.is_some_and(|message| message.contains(values));
+        self.holds("every message has the values at fault", has_values);
+        self.refused(result, expected);
+    }
+
+    /// Adds a chart of named curves.
     pub(crate) fn chart(
         &mut self,
         title: &str,
@@ -156,7 +172,7 @@ impl Outcome {
         y: (&str, Scale),
         curves: Vec<(&str, Vec<[f64; 2]>)>,
     ) {
-        // Dashes distinguish the curves, too.
+        // Curves differ in dashes as well as in colour.
         const DASHES: [&str; 5] = ["", "7 3", "2 3", "9 3 2 3", "4 2"];
         let axis = |(label, scale): (&str, Scale)| Axis {
             label: label.to_owned(),
@@ -179,7 +195,7 @@ impl Outcome {
     }
 }
 
-/// The name of an enum's variant, or of a structure.
+/// The name of an enum's variant or of a structure, from its `Debug` text.
 pub(crate) fn variant(value: &impl Debug) -> String {
     let text = format!("{value:?}");
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
@@ -189,7 +205,7 @@ pub(crate) fn variant(value: &impl Debug) -> String {
         .to_owned()
 }
 
-/// A limit as a sentence shows it, to three digits.
+/// The text of a limit, to three digits.
 fn with_unit(value: f64, unit: &str) -> String {
     let value = format!("{value:.2e}").parse().unwrap_or(value);
     let is_plain = value == 0.0 || (1e-3..1e6).contains(&value.abs());

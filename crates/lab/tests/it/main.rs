@@ -1,10 +1,10 @@
-//! Every entry of the atlas keeps its promises, and the table is whole.
+//! Every entry of the stability atlas keeps its promises.
 
 use std::collections::BTreeSet;
 
 use lab::stability::{Method, Outcome, entries};
 
-/// Runs the entries of one method; the promises that are broken are the message of the failure.
+/// Runs the entries of one method and fails with the broken promises.
 fn check(method: Method) {
     let mut broken = Vec::new();
     for entry in entries().into_iter().filter(|entry| entry.method == method) {
@@ -53,7 +53,7 @@ fn leases_keep_their_promises() {
 }
 
 #[test]
-fn the_table_is_whole() {
+fn every_entry_has_a_name_and_texts() {
     let all = entries();
     assert!(all.len() >= 40, "{}", all.len());
     let ids: BTreeSet<&str> = all.iter().map(|entry| entry.id).collect();
@@ -71,7 +71,7 @@ fn the_table_is_whole() {
 }
 
 #[test]
-fn an_entry_finds_the_same_every_time() {
+fn an_entry_gives_the_same_figures_every_time() {
     for id in ["kriging-outlier", "lease-pauses", "search-corner"] {
         let entries = entries();
         let entry = entries.iter().find(|entry| entry.id == id).expect(id);

@@ -7,20 +7,10 @@ use ledger::{Delivery, Failure, Grant, Ledger, Options, StreamDemand, StreamId};
 
 use crate::{all_of, at, failure_of, lease_all, ledger, units, wanted, worker};
 
-const ONE: StreamId = StreamId::design(0);
-
 fn alone() -> Options {
     Options {
         bundle: false,
         ..Options::default()
-    }
-}
-
-/// Options with which an outage is over at once.
-fn hopeless() -> Options {
-    Options {
-        retry_for: Duration::ZERO,
-        ..alone()
     }
 }
 
@@ -30,30 +20,6 @@ fn tolerant(stream: StreamId, samples: u32) -> StreamDemand<()> {
         is_tolerant: true,
         ..wanted(stream, 7, 0..samples)
     }
-}
-
-#[test]
-fn failures_wait_longer_and_longer_and_the_third_ends_it() {
-    let mut ledger = ledger(hopeless(), 1, 1, &["a"]);
-    let mut now = at(0.0);
-    for wait in [0.5, 2.0] {
-        let grant = ledger.lease(&worker("a"), now).unwrap();
-        let failure = failure_of(&grant);
-        let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
-        assert_eq!(failed, [Failure::Retry(at(wait))]);
-        // A repeated call counts once.
-        let (again, _) = ledger.deliver(&worker("a"), grant.lease, &failure, now);
-        assert_eq!(again, [Failure::Ignored]);
-        assert!(ledger.lease(&worker("a"), now + at(0.9 * wait)).is_none());
-        assert_eq!(ledger.next_due(&worker("a"), now), Some(now + at(wait)));
-        now += at(wait);
-    }
-    let grant = ledger.lease(&worker("a"), now).unwrap();
-    let (failed, _) = ledger.deliver(&worker("a"), grant.lease, &failure_of(&grant), now);
-    assert_eq!(failed, [Failure::Quarantined]);
-    assert!(ledger.explain(now)[0].to_string().contains("no load path"));
-    assert_eq!(ledger.retry(), [ONE]);
-    assert!(ledger.lease(&worker("a"), now).is_some());
 }
 
 #[test]
@@ -192,23 +158,6 @@ impl Shift {
             }
             assert!(self.now < at(10_000.0), "it never ends");
         }
-    }
-}
-
-/// While the licence server is down, nothing counts.
-#[test]
-fn an_outage_of_twenty_seconds_costs_nothing_but_time() {
-    for begins in [0.0, 1.5] {
-        let mut ledger = ledger(alone(), 40, 4, &[]);
-        ledger.want(tolerant(StreamId::run(3, 0), 6));
-        let mut shift = Shift::new(ledger);
-        shift.work(|_, _, _, now| now > at(begins) && now < at(begins + 20.0));
-        assert_eq!(shift.ledger.quarantined().count(), 0);
-        let mut failures = shift.failed.values().flatten();
-        let ends =
-            |failure: &&Failure| matches!(failure, Failure::Conclusive | Failure::Quarantined);
-        assert_eq!(failures.find(ends), None, "{begins}");
-        assert!(shift.now < at(begins + 50.0), "{:?}", shift.now);
     }
 }
 

@@ -1,6 +1,6 @@
 //! The life of streams and leases, case by case.
 
-use ledger::{Crash, Delivery, Failure, Generation, Ledger, Options, StreamId, Unit, Verdict};
+use ledger::{Delivery, Failure, Generation, Ledger, Options, StreamId, Verdict};
 
 use crate::{LEASE, all_of, at, beat, failure_of, lease_all, ledger, units, wanted, worker};
 
@@ -32,32 +32,6 @@ fn a_result_is_accepted_by_what_it_is_and_not_by_who_brings_it() {
 }
 
 #[test]
-fn nothing_of_an_earlier_generation_is_accepted() {
-    let mut ledger = Ledger::new(alone(), 1);
-    let point = StreamId::point(3);
-    ledger.register(&worker("a"), "here", 1, at(0.0));
-    ledger.want(wanted(point, 1, 0..8));
-    let old = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    // The optimum is chosen again while the worker is disconnected.
-    ledger.forget(|id| id == point);
-    assert_eq!(ledger.accept(&units(&old)[0]), Verdict::Stale);
-    ledger.want(wanted(point, 2, 0..8));
-    assert_eq!(ledger.accept(&units(&old)[0]), Verdict::Stale);
-    ledger.deliver(&worker("a"), old.lease, &all_of(&old), at(9.0));
-    let new = ledger.lease(&worker("a"), at(9.0)).unwrap();
-    assert_eq!(
-        units(&new)[0].samples,
-        0..8,
-        "none of the new one's samples is there"
-    );
-    assert_eq!(ledger.counts().stale, 2);
-    // A new generation also replaces the old one without `forget`.
-    ledger.want(wanted(point, 3, 0..8));
-    assert_eq!(ledger.accept(&units(&new)[0]), Verdict::Stale);
-    assert_eq!(beat(&mut ledger, "a", &[&new], at(10.0)), [new.lease]);
-}
-
-#[test]
 fn what_is_settled_is_not_wanted_again_by_somebody_who_looked_too_early() {
     let mut ledger = ledger(alone(), 1, 10, &["a"]);
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
@@ -79,62 +53,6 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
     let rest = ledger.lease(&worker("a"), at(1.0)).unwrap();
     assert_eq!(units(&rest)[0].samples, 6..10);
     assert!(rest.lease.number > grant.lease.number);
-}
-
-#[test]
-fn three_processes_that_fall_silent_over_a_stream_end_it_and_one_that_only_slept_does_not() {
-    let mut ledger = ledger(alone(), 1, 1, &["a", "b", "c"]);
-    // The same worker each time: it slept and did not crash.
-    let mut now = at(0.0);
-    let mut newest = ledger.lease(&worker("a"), now).unwrap();
-    for _ in 0..5 {
-        beat(&mut ledger, "a", &[&newest], now);
-        now += 2 * LEASE;
-        let vanished = ledger.expire(now);
-        assert!(matches!(
-            vanished[..],
-            [Crash {
-                quarantined: false,
-                ..
-            }]
-        ));
-        newest = ledger.lease(&worker("a"), now).unwrap();
-    }
-    // A late delivery takes the crash back, too.
-    for (name, quarantined) in [("b", false), ("c", true)] {
-        ledger.release(&worker("a"), &[newest.lease], now);
-        let grant = ledger.lease(&worker(name), now).unwrap();
-        beat(&mut ledger, name, &[&grant], now);
-        now += 2 * LEASE;
-        assert_eq!(ledger.expire(now)[0].quarantined, quarantined);
-        newest = grant;
-    }
-    assert!(ledger.take_settled());
-    assert_eq!(ledger.quarantined().count(), 1);
-    // The last worker had only been silent, and continues its lease.
-    assert_eq!(beat(&mut ledger, "c", &[&newest], now), []);
-    ledger.deliver(&worker("c"), newest.lease, &all_of(&newest), now);
-    assert_eq!(ledger.quarantined().count(), 0);
-    assert_eq!(ledger.counts().free + ledger.counts().leased, 0);
-}
-
-#[test]
-fn a_lease_of_several_designs_that_kills_its_worker_is_split_before_anybody_is_blamed() {
-    let mut ledger = ledger(Options::default(), 60, 4, &["a", "b", "c"]);
-    // Designs do not share a lease until the cost of a sample is known.
-    let first = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    ledger.deliver(&worker("a"), first.lease, &all_of(&first), at(0.0));
-    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    assert!(grant.units.len() > 1);
-    beat(&mut ledger, "a", &[&grant], at(0.0));
-    let vanished = ledger.expire(at(60.0));
-    assert!(vanished[0].is_split && !vanished[0].quarantined);
-    let shared = units(&grant);
-    for grant in lease_all(&mut ledger, "b", at(60.0)) {
-        let is_split = |unit: &Unit| shared.iter().any(|other| other.stream == unit.stream);
-        let units = units(&grant);
-        assert!(units.len() == 1 || !units.iter().any(is_split), "{grant:?}");
-    }
 }
 
 /// Each worker dies as soon as it begins with the deadly design, and the next one is started at once.
@@ -170,33 +88,6 @@ fn a_design_that_kills_its_workers_at_once_kills_few_of_them() {
 }
 
 #[test]
-fn a_lease_that_ran_out_is_taken_up_again_by_its_heartbeat_and_never_one_that_was_given_back() {
-    let mut ledger = ledger(alone(), 1, 10, &["a", "b"]);
-    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    beat(&mut ledger, "a", &[&grant], at(0.0));
-    ledger.expire(at(60.0));
-    assert_eq!(beat(&mut ledger, "a", &[&grant], at(61.0)), []);
-    assert!(ledger.lease(&worker("b"), at(61.0)).is_none(), "held again");
-    ledger.release(&worker("a"), &[grant.lease], at(62.0));
-    assert_eq!(beat(&mut ledger, "a", &[&grant], at(63.0)), [grant.lease]);
-    assert!(ledger.lease(&worker("b"), at(63.0)).is_some());
-}
-
-#[test]
-fn whoever_begins_with_what_another_slept_over_goes_on_beside_it() {
-    let mut ledger = ledger(alone(), 1, 10, &["a", "b", "c"]);
-    let slept = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    beat(&mut ledger, "a", &[&slept], at(0.0));
-    ledger.expire(at(60.0));
-    let other = ledger.lease(&worker("b"), at(60.0)).unwrap();
-    assert_eq!(beat(&mut ledger, "a", &[&slept], at(61.0)), []);
-    // No third worker gets the same samples.
-    assert!(ledger.lease(&worker("c"), at(600.0)).is_none());
-    ledger.deliver(&worker("a"), slept.lease, &all_of(&slept), at(62.0));
-    assert_eq!(beat(&mut ledger, "b", &[&other], at(62.0)), [other.lease]);
-}
-
-#[test]
 fn a_worker_that_leaves_is_blamed_for_nothing() {
     let mut ledger = ledger(alone(), 4, 1, &["a", "b"]);
     ledger.register(&worker("a"), "here", 2, at(0.0));
@@ -228,37 +119,6 @@ fn near_the_end_an_idle_worker_gets_what_another_has_held_for_long() {
     ledger.deliver(&worker("b"), second.lease, &all_of(&second), at(11.0));
     assert_eq!(beat(&mut ledger, "a", &[&first], at(11.0)), [first.lease]);
     assert!(ledger.is_idle());
-}
-
-#[test]
-fn what_is_held_from_before_a_restart_is_held_on_under_its_old_name() {
-    let mut before = ledger(alone(), 2, 10, &["a"]);
-    let grant = before.lease(&worker("a"), at(0.0)).unwrap();
-    let mut after = Ledger::new(alone(), 2);
-    after.close_until(at(3.0));
-    for design in 0..2 {
-        after.want(wanted(StreamId::design(design), 7, 0..10));
-    }
-    after.register(&worker("b"), "here", 2, at(0.0));
-    assert!(
-        after.lease(&worker("b"), at(0.0)).is_none(),
-        "somebody may hold it"
-    );
-    assert_eq!(after.next_due(&worker("b"), at(0.0)), Some(at(3.0)));
-    after.register(&worker("a"), "here", 1, at(1.0));
-    assert!(after.adopt(&worker("a"), grant.lease, &units(&grant), at(1.0)));
-    let other = after.lease(&worker("b"), at(3.0)).unwrap();
-    assert_eq!(units(&other)[0].stream, StreamId::design(1));
-    after.deliver(&worker("a"), grant.lease, &all_of(&grant), at(4.0));
-    // Neither a settled stream nor another generation is taken over.
-    assert!(!after.adopt(&worker("a"), grant.lease, &units(&grant), at(5.0)));
-    let mut stale = units(&other);
-    stale[0].generation = Generation(8);
-    let lease = ledger::LeaseId {
-        epoch: 1,
-        number: 99,
-    };
-    assert!(!after.adopt(&worker("a"), lease, &stale, at(5.0)));
 }
 
 /// The stream's last samples were delivered in another way: the ranges held precede them.

@@ -35,14 +35,6 @@ fn nist_numacc_datasets() {
 #[test]
 fn refusals_name_the_sample() {
     assert_eq!(
-        mean_sd(&[1.0]),
-        Err(Error::TooFewSamples {
-            statistic: "a standard deviation",
-            needed: 2,
-            got: 1
-        })
-    );
-    assert_eq!(
         mean_sd(&[1.0, 2.0, f64::INFINITY]),
         Err(Error::NonFinite {
             index: 2,
@@ -58,9 +50,4 @@ fn refusals_name_the_sample() {
         mean_sd(&[f64::MAX, f64::MIN]),
         Err(Error::Overflow { n: 2 })
     );
-}
-
-#[test]
-fn equal_samples_have_no_spread() {
-    assert_eq!(mean_sd(&[0.1; 30]), Ok((0.1, 0.0)));
 }

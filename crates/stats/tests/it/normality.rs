@@ -73,19 +73,7 @@ fn units_and_order_do_not_matter() {
 }
 
 #[test]
-fn refusals() {
-    assert_eq!(
-        lilliefors(&[1.0, 2.0, 4.0]),
-        Err(Error::TooFewSamples {
-            statistic: "the Lilliefors test",
-            needed: 4,
-            got: 3
-        })
-    );
-    assert_eq!(
-        lilliefors(&[0.1; 30]),
-        Err(Error::Constant { n: 30, value: 0.1 })
-    );
+fn a_sample_that_is_nan_is_refused() {
     assert!(matches!(
         lilliefors(&[1.0, 2.0, 3.0, 4.0, f64::NAN]),
         Err(Error::NonFinite { index: 4, .. })

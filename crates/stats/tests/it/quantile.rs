@@ -180,11 +180,6 @@ fn the_rule_follows_normality() {
     assert_eq!(choice.chosen, harrell_davis_p90(&skewed).unwrap());
     assert!(choice.p_value.unwrap() < 0.01);
 
-    // Too few for order statistics, or for the test; all equal.
-    for samples in [&skewed[..9], &skewed[..4], &[3.0; 20]] {
-        let choice = choose_p90(samples, &rule).unwrap();
-        assert_eq!(choice.chosen.method, Method::Normal);
-    }
     let odd = ChoiceRule {
         significance: 1.5,
         ..rule
@@ -192,14 +187,6 @@ fn the_rule_follows_normality() {
     assert!(matches!(
         choose_p90(&skewed, &odd),
         Err(Error::OutOfRange { .. })
-    ));
-    assert!(matches!(
-        harrell_davis_p90(&skewed[..9]),
-        Err(Error::TooFewSamples {
-            needed: 10,
-            got: 9,
-            ..
-        })
     ));
     assert!(harrell_davis_p90(&[f64::NAN; 12]).is_err());
 }

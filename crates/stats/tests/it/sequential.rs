@@ -1,6 +1,4 @@
-use rand_distr::{Distribution as _, StandardNormal};
-use stats::streams::{Purpose, stream};
-use stats::{Error, SequentialRule, VarianceFormula, mean_sd, p90_variance, samples_needed};
+use stats::{Error, SequentialRule, VarianceFormula, p90_variance, samples_needed};
 
 fn rule(precision: f64, batch: usize, most: usize) -> SequentialRule {
     SequentialRule {
@@ -57,45 +55,4 @@ fn batches_are_bounded() {
         ));
     }
     assert!(samples_needed(30, f64::NAN, &rule).is_err());
-}
-
-/// Root mean square deviation of the percentile from its mean, its bias, and the mean number of
-/// samples, for standard normal samples under a rule.
-fn simulate(rule: &SequentialRule, repeats: u64) -> (f64, f64, f64) {
-    let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
-    for i in 0..repeats {
-        let mut rng = stream(3, Purpose::Test, rule.batch as u64, i);
-        let mut samples: Vec<f64> = Vec::new();
-        loop {
-            let sd = mean_sd(&samples).map_or(f64::NAN, |(_, sd)| sd);
-            let more = samples_needed(samples.len(), sd, rule).unwrap();
-            if more == 0 {
-                break;
-            }
-            samples.extend((0..more).map(|_| -> f64 { StandardNormal.sample(&mut rng) }));
-        }
-        let (mean, sd) = mean_sd(&samples).unwrap();
-        let off = mean + rule.z * (sd - 1.0);
-        sum += off;
-        squares += off * off;
-        count += samples.len() as f64;
-    }
-    let n = repeats as f64;
-    let bias = sum / n;
-    ((squares / n - bias * bias).sqrt(), bias, count / n)
-}
-
-#[test]
-fn stopping_costs_little() {
-    // The precision 0.135 takes 100 samples.
-    for (batch, excess, bias) in [(25, 1.02, 0.02), (10, 1.04, 0.025)] {
-        let (error, off, count) = simulate(&rule(0.135, batch, 1000), 20_000);
-        // The error of the standard error is 1/√40 000 = 0.5 %.
-        assert!(
-            error < excess * 0.135 && error > 0.9 * 0.135,
-            "{batch}: {error} {off} {count}"
-        );
-        assert!(off < 0.003 && off > -bias, "{batch}: {off} {error} {count}");
-        assert!(count > 90.0 && count < 125.0, "{batch}: {count}");
-    }
 }

@@ -1,19 +1,21 @@
 //! Designs of experiments at the edges of their sizes.
 
 use doe::{
-    Design, Error, Method as Kind, Options, SOBOL_POINTS, enlarge, maximin, random_lhs, sobol,
+    Design, Method as Kind, Options, SOBOL_POINTS, check_enlarge, enlarge, maximin, random_lhs,
+    sobol,
 };
 use results::report::Scale;
 
-use crate::stability::outcome::{Failed, Outcome};
+use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
 
 pub(super) const ENTRIES: [Entry; 4] = [
     Entry {
         id: "design-sizes",
-        title: "Sizes that make no design",
-        input: "1 point, 0 variables, 21 variables, an effort of NaN, a Sobol sequence beyond its end",
-        instead: "Each is refused with what is possible.",
+        title: "Impossible sizes",
+        input: "Numbers of points from 0 to 1 and above 100 000, 0 variables, 21 variables, efforts of −1, ∞ and NaN, a \
+                Sobol sequence beyond its end",
+        instead: "Each is refused with the range of possible values.",
         check: sizes,
         ..Entry::blank(Method::Designs)
     },
@@ -21,7 +23,7 @@ pub(super) const ENTRIES: [Entry; 4] = [
         id: "design-few-points",
         title: "Fewer points than variables",
         input: "2 and 5 points in 20 variables",
-        instead: "The design is a Latin hypercube all the same; the search keeps the best that it has.",
+        instead: "The design is still a Latin hypercube, and the search still spreads its points.",
         check: few_points,
         ..Entry::blank(Method::Designs)
     },
@@ -29,16 +31,17 @@ pub(super) const ENTRIES: [Entry; 4] = [
         id: "design-grown-in-steps",
         title: "A design that grows in steps",
         input: "50 points in 4 variables, enlarged to 200 by one, by ten and by 150 points at a time",
-        instead: "Every point that is there is kept, so the points crowd. A point that comes alone has one free stratum in \
-                  each variable and so no choice: it is best to add many at a time.",
+        instead: "Every existing point is kept, so the points crowd. A single new point has one free stratum in each \
+                  variable and no choice of place: add many points at a time.",
         check: grown,
         ..Entry::blank(Method::Designs)
     },
     Entry {
         id: "design-not-to-be-enlarged",
         title: "Designs that cannot be enlarged",
-        input: "Fewer points than there are, a point outside the box, the Sobol sequence of another seed",
-        instead: "Each is refused before anything is changed, with the point that is at fault.",
+        input: "No more points than before, more than 100 000, a point outside the box or without a coordinate, an effort \
+                of NaN, a point beside the Sobol sequence, the Sobol sequence of another seed",
+        instead: "Each is refused before anything is changed, with the first bad point.",
         check: not_to_be_enlarged,
         ..Entry::blank(Method::Designs)
     },
@@ -51,26 +54,36 @@ fn quick() -> Options {
     }
 }
 
-fn sizes(found: &mut Outcome) -> Result<(), Failed> {
-    found.refused(maximin(1, 3, &quick()), "Points");
-    found.refused(maximin(10, 0, &quick()), "Variables");
-    found.refused(random_lhs(10, 21, 0), "Variables");
-    let effort = f64::NAN;
-    found.refused(maximin(10, 3, &Options { effort, ..quick() }), "Effort");
-    found.refused(sobol(SOBOL_POINTS + 1, 3, 0), "SobolPoints");
+fn sizes(outcome: &mut Outcome) -> Result<(), EntryError> {
+    for n in [0, 1, 100_001, usize::MAX] {
+        let values = format!("{n} points");
+        outcome.refused_with(maximin(n, 6, &quick()), "Points", &values);
+        outcome.refused_with(random_lhs(n, 6, 0), "Points", &values);
+    }
+    for d in [0, 21, usize::MAX] {
+        let values = format!("{d} variables");
+        outcome.refused_with(maximin(10, d, &quick()), "Variables", &values);
+        outcome.refused_with(random_lhs(10, d, 0), "Variables", &values);
+    }
+    for effort in [-1.0, f64::INFINITY, f64::NAN] {
+        let options = Options { effort, ..quick() };
+        let values = format!("effort is {effort}");
+        outcome.refused_with(maximin(10, 2, &options), "Effort", &values);
+    }
+    outcome.refused_with(sobol(SOBOL_POINTS + 1, 3, 0), "SobolPoints", "65537 points");
     Ok(())
 }
 
-fn few_points(found: &mut Outcome) -> Result<(), Failed> {
+fn few_points(outcome: &mut Outcome) -> Result<(), EntryError> {
     for n in [2, 5] {
         let design = maximin(n, 20, &quick())?;
-        found.holds(
+        outcome.holds(
             &format!("{n} points in 20 variables are a Latin hypercube"),
             design.is_latin(),
         );
         let random = random_lhs(n, 20, 5)?.min_distance();
         let gain = design.min_distance() / random;
-        found.at_least(
+        outcome.at_least(
             &format!("smallest distance over a random one’s, {n} points"),
             gain,
             "",
@@ -80,7 +93,7 @@ fn few_points(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn grown(found: &mut Outcome) -> Result<(), Failed> {
+fn grown(outcome: &mut Outcome) -> Result<(), EntryError> {
     let start = maximin(50, 4, &quick())?;
     let at_once = maximin(200, 4, &quick())?.min_distance();
     let mut curves = Vec::new();
@@ -92,22 +105,22 @@ fn grown(found: &mut Outcome) -> Result<(), Failed> {
             curve.push([design.n as f64, design.min_distance()]);
         }
         let kept = design.points[..start.points.len()] == start.points;
-        found.holds("the first 50 points are kept", kept);
-        found.at_least(
+        outcome.holds("the first 50 points are kept", kept);
+        outcome.at_least(
             &format!("smallest distance over that of a design made at once, grown {name}"),
             design.min_distance() / at_once,
             "",
             0.2,
         );
         if step == 150 {
-            found.holds(
+            outcome.holds(
                 "grown by 150, every stratum holds one point",
                 design.is_stratified(),
             );
         }
         curves.push((name, curve));
     }
-    found.chart(
+    outcome.chart(
         "Smallest distance of a growing design",
         ("points", Scale::Linear),
         ("smallest distance", Scale::Linear),
@@ -116,23 +129,44 @@ fn grown(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn not_to_be_enlarged(found: &mut Outcome) -> Result<(), Failed> {
+fn not_to_be_enlarged(outcome: &mut Outcome) -> Result<(), EntryError> {
     let design = maximin(20, 2, &quick())?;
-    found.refused(enlarge(&design, 20, &quick()), "Shrinking");
-    let mut outside = design.clone();
-    outside.points[7] = 1.5;
-    let error = enlarge(&outside, 30, &quick());
-    let names_it = matches!(
-        &error,
-        Err(Error::Outside {
-            point: 3,
-            variable: 1,
-            ..
-        })
+    let to = |n| enlarge(&design, n, &quick());
+    outcome.refused_with(
+        to(20),
+        "Shrinking",
+        "20 points requested of a design that has 20",
     );
-    found.refused(error, "Outside");
-    found.holds("the point and the variable are named", names_it);
-    let other: Design = sobol(20, 2, 1)?;
-    found.refused(Kind::Sobol.enlarge(&other, 30, &quick()), "OtherSequence");
+    outcome.refused_with(to(100_001), "Points", "100001 points");
+    let endless = Options {
+        effort: f64::NAN,
+        ..quick()
+    };
+    outcome.refused_with(enlarge(&design, 40, &endless), "Effort", "NaN");
+    for coordinate in [1.5, -0.1, f64::NAN] {
+        let mut outside = design.clone();
+        outside.points[7] = coordinate;
+        let refusal = enlarge(&outside, 40, &quick());
+        outcome.holds(
+            "the check gives the same refusal as the enlargement",
+            check_enlarge(&outside, 40).err() == refusal.as_ref().err().cloned(),
+        );
+        let values = format!("point 3 has {coordinate} in variable 1");
+        outcome.refused_with(refusal, "Outside", &values);
+    }
+    let mut short = design.clone();
+    short.points.pop();
+    let values = "39 coordinates given for 20 points in 2 variables";
+    outcome.refused_with(check_enlarge(&short, 40), "Coordinates", values);
+    let is_accepted = check_enlarge(&design, 40).is_ok();
+    outcome.holds("a whole design in the box passes the check", is_accepted);
+
+    let sequence: Design = sobol(20, 2, 5)?;
+    let check = |design: &Design, n, seed| Kind::Sobol.check_enlarge(design, n, seed);
+    outcome.refused_with(check(&sequence, 40, 6), "OtherSequence", "point 0");
+    let mut moved = sequence.clone();
+    moved.points[7] += 1e-6;
+    outcome.refused_with(check(&moved, 40, 5), "OtherSequence", "point 3");
+    outcome.refused_with(check(&sequence, 65_537, 5), "SobolPoints", "65537 points");
     Ok(())
 }

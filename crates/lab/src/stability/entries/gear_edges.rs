@@ -1,18 +1,18 @@
-//! Gear pairs on the way to their edges: sweeps that end where no pair exists.
+//! Gear pairs near the limits of existence: sweeps that end where no pair exists.
 
 use gear::{Error, Infeasible, PairInput};
 use results::report::Scale;
 
-use super::gear_scene::{all_finite, broken, largest_jump, pair, plain, refused, tip_land};
-use crate::stability::outcome::{Failed, Outcome};
+use super::gear_scene::{all_finite, broken, largest_jump, pair, plain, refused_with, tip_land};
+use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
 
 pub(super) const ENTRIES: [Entry; 4] = [
     Entry {
         id: "gear-apex",
-        title: "A tip that runs to an apex",
-        input: "A pinion of 14 teeth whose profile shift grows from 0.2 to 1.2 with the addendum of a full tooth",
-        instead: "The tooth ends in the apex where its flanks meet, and the pair is simulated with that tip. \
+        title: "A tip that becomes an apex",
+        input: "A pinion of 14 teeth and a full addendum whose profile shift grows from 0.2 to 1.2",
+        instead: "The tooth ends at the apex where its flanks meet, and the pair is simulated with that tip. \
                   “tip_land_min_modules”, here 0.2, keeps designs away from it.",
         check: apex,
         ..Entry::blank(Method::Gears)
@@ -21,9 +21,9 @@ pub(super) const ENTRIES: [Entry; 4] = [
         id: "gear-contact-ratio-one",
         title: "A transverse contact ratio that falls to 1",
         input: "A spur pair whose tips are turned down until one pair of teeth parts before the next one meets",
-        instead: "Two pairs of teeth share the load for an ever shorter time, which ΔSTE does not show: it is the step \
-                  from one pair to two. Only at 1 itself, where the pair hands over at a point, the step is gone. Below, \
-                  the pair is refused.",
+        instead: "Two pairs of teeth share the load for a shorter and shorter time. ΔSTE hardly changes, since it is the \
+                  step from one pair to two. At exactly 1 one pair hands over to the next at a point, and the step \
+                  vanishes. Below 1 the pair is refused.",
         check: contact_ratio_one,
         ..Entry::blank(Method::Gears)
     },
@@ -31,23 +31,23 @@ pub(super) const ENTRIES: [Entry; 4] = [
         id: "gear-spur-limit",
         title: "A helix angle that falls to 0",
         input: "β from 30° to 10⁻⁹ degrees, and 0",
-        instead: "The window of contact shrinks to a line. Below a limit the pair counts as a spur pair; there is no \
-                  division by sin β that could fail.",
+        instead: "The window of contact shrinks to a line. Below a limit the pair counts as a spur pair, so that nothing is \
+                  divided by sin β = 0.",
         check: spur_limit,
         ..Entry::blank(Method::Gears)
     },
     Entry {
         id: "gear-base-tangent",
-        title: "A path of contact that touches the base tangent point",
+        title: "A path of contact up to the base tangent point",
         input: "A spur pair of 17 and 80 teeth whose larger gear gets a longer and longer tip",
-        instead: "Specific sliding and pressure grow without bound and stay finite, until the pair is refused where the \
-                  tip would touch below the base circle.",
+        instead: "Specific sliding and pressure grow without limit but stay finite. The pair is refused when the tip would \
+                  touch below the base circle.",
         check: base_tangent,
         ..Entry::blank(Method::Gears)
     },
 ];
 
-fn apex(found: &mut Outcome) -> Result<(), Failed> {
+fn apex(outcome: &mut Outcome) -> Result<(), EntryError> {
     let (mut ste, mut land) = (Vec::new(), Vec::new());
     let mut pointed_from = f64::NAN;
     for i in 0..=50 {
@@ -60,27 +60,27 @@ fn apex(found: &mut Outcome) -> Result<(), Failed> {
         })?;
         if pair.geometry().pointed[0] && pointed_from.is_nan() {
             pointed_from = shift;
-            broken(found, &pair, "pinion tip land")?;
+            broken(outcome, &pair, "pinion tip land")?;
         }
         ste.push([shift, pair.unworn().delta_ste_um]);
         land.push([shift, tip_land(&pair).ok_or("criteria without details")?]);
     }
-    found.at_least(
+    outcome.at_least(
         "profile shift at which the tip is an apex",
         pointed_from,
         "",
         0.3,
     );
-    found.holds("ΔSTE is a number all the way", all_finite(&ste));
-    found.at_most(
+    outcome.holds("ΔSTE is finite throughout", all_finite(&ste));
+    outcome.at_most(
         "largest jump of ΔSTE over its span",
         largest_jump(&ste),
         "",
         0.2,
     );
     let least = land.iter().map(|p| p[1]).fold(f64::MAX, f64::min);
-    found.at_least("least tip land", least, "modules", -1e-9);
-    found.chart(
+    outcome.at_least("least tip land", least, "modules", -1e-9);
+    outcome.chart(
         "ΔSTE on the way to the apex",
         ("profile shift of the pinion", Scale::Linear),
         ("ΔSTE (µm), tip land (modules)", Scale::Linear),
@@ -89,7 +89,7 @@ fn apex(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn contact_ratio_one(found: &mut Outcome) -> Result<(), Failed> {
+fn contact_ratio_one(outcome: &mut Outcome) -> Result<(), EntryError> {
     let input = |cut: f64| PairInput {
         helix_angle: 0.0,
         tip_radius: [0.0; 2],
@@ -100,7 +100,7 @@ fn contact_ratio_one(found: &mut Outcome) -> Result<(), Failed> {
         Ok(pair) => pair.geometry().eps_alpha,
         Err(_) => 0.0,
     };
-    // The largest cut with which the teeth still hand over.
+    // The largest cut with a contact ratio of at least 1.
     let (mut low, mut high) = (0.0, 4.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -115,24 +115,29 @@ fn contact_ratio_one(found: &mut Outcome) -> Result<(), Failed> {
         let pair = pair(&input(low * f64::from(i) / 40.0))?;
         curve.push([pair.geometry().eps_alpha, pair.unworn().delta_ste_um]);
     }
-    found.at_most(
+    outcome.at_most(
         "least contact ratio simulated, less 1",
         ratio(low) - 1.0,
         "",
         1e-9,
     );
-    found.holds("ΔSTE is a number all the way", all_finite(&curve));
+    outcome.holds("ΔSTE is finite throughout", all_finite(&curve));
     let above = &curve[..40];
-    found.at_most(
+    outcome.at_most(
         "largest jump of ΔSTE over its span, above 1",
         largest_jump(above),
         "",
         0.2,
     );
-    found.figure("ΔSTE just above 1", curve[39][1], "µm");
-    found.figure("ΔSTE at 1", curve[40][1], "µm");
-    refused(found, pair(&input(high + 1e-9)), "contact-gap");
-    found.chart(
+    outcome.figure("ΔSTE just above 1", curve[39][1], "µm");
+    outcome.figure("ΔSTE at 1", curve[40][1], "µm");
+    refused_with(
+        outcome,
+        pair(&input(high + 1e-9)),
+        "contact-gap",
+        |reason| matches!(reason, Infeasible::ContactGap { eps_alpha, eps_beta: 0.0 } if *eps_alpha < 1.0),
+    );
+    outcome.chart(
         "ΔSTE of a spur pair as its tips are turned down",
         ("transverse contact ratio", Scale::Linear),
         ("ΔSTE (µm)", Scale::Linear),
@@ -141,7 +146,7 @@ fn contact_ratio_one(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn spur_limit(found: &mut Outcome) -> Result<(), Failed> {
+fn spur_limit(outcome: &mut Outcome) -> Result<(), EntryError> {
     let delta = |degrees: f64| -> Result<f64, Error> {
         let helix_angle = degrees.to_radians();
         let pair = pair(&PairInput {
@@ -156,23 +161,23 @@ fn spur_limit(found: &mut Outcome) -> Result<(), Failed> {
         let degrees = 30.0 * 10_f64.powf(-f64::from(i) / 4.0);
         curve.push([degrees, delta(degrees)?]);
     }
-    found.holds("ΔSTE is a number all the way", all_finite(&curve));
+    outcome.holds("ΔSTE is finite throughout", all_finite(&curve));
     let from_spur =
         |degrees: f64| -> Result<f64, Error> { Ok((delta(degrees)? / spur - 1.0).abs()) };
-    found.at_most(
+    outcome.at_most(
         "relative distance from the spur pair at 10⁻³ degrees",
         from_spur(1e-3)?,
         "",
         1e-3,
     );
-    found.at_most(
+    outcome.at_most(
         "relative distance from the spur pair at 10⁻⁹ degrees",
         from_spur(1e-9)?,
         "",
         1e-6,
     );
-    found.figure("ΔSTE of the spur pair", spur, "µm");
-    found.chart(
+    outcome.figure("ΔSTE of the spur pair", spur, "µm");
+    outcome.chart(
         "ΔSTE as the helix angle falls",
         ("helix angle (degrees)", Scale::Log),
         ("ΔSTE (µm)", Scale::Linear),
@@ -181,7 +186,7 @@ fn spur_limit(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn base_tangent(found: &mut Outcome) -> Result<(), Failed> {
+fn base_tangent(outcome: &mut Outcome) -> Result<(), EntryError> {
     let input = |dedendum: f64| PairInput {
         teeth: [17, 80],
         helix_angle: 0.0,
@@ -200,17 +205,13 @@ fn base_tangent(found: &mut Outcome) -> Result<(), Failed> {
             Err(_) => high = middle,
         }
     }
-    let beyond = pair(&input(high));
-    let names = matches!(
-        &beyond,
-        Err(Error::Infeasible(Infeasible::ContactBeyondBase { .. }))
+    refused_with(
+        outcome,
+        pair(&input(high)),
+        "contact-beyond-base",
+        |reason| matches!(reason, Infeasible::ContactBeyondBase { reach, available, .. } if reach >= available),
     );
-    found.holds(
-        "the last pair stands where the base tangent point is touched",
-        names,
-    );
-    refused(found, beyond, "contact-beyond-base");
-    broken(found, &pair(&input(low))?, "specific sliding")?;
+    broken(outcome, &pair(&input(low))?, "specific sliding")?;
     let (mut sliding, mut pressure, mut ste) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..=40 {
         let dedendum = low - (low - 0.4) * 10_f64.powf(-f64::from(i) / 4.0);
@@ -225,22 +226,19 @@ fn base_tangent(found: &mut Outcome) -> Result<(), Failed> {
         ("pressure", &pressure),
         ("ΔSTE", &ste),
     ] {
-        found.holds(
-            &format!("{name} is a number all the way"),
-            all_finite(curve),
-        );
+        outcome.holds(&format!("{name} is finite throughout"), all_finite(curve));
     }
     let last = sliding.len() - 1;
-    found.at_most(
+    outcome.at_most(
         "least distance simulated from the base tangent point",
         sliding[last][0],
         "mm",
         1e-6,
     );
-    found.at_least("specific sliding there", sliding[last][1], "", 1e4);
-    found.figure("pressure there", pressure[last][1], "MPa");
-    found.figure("ΔSTE there", ste[last][1], "µm");
-    found.chart(
+    outcome.at_least("specific sliding there", sliding[last][1], "", 1e4);
+    outcome.figure("pressure there", pressure[last][1], "MPa");
+    outcome.figure("ΔSTE there", ste[last][1], "µm");
+    outcome.chart(
         "Sliding and pressure towards the base tangent point",
         (
             "start of contact from the base tangent point (mm)",

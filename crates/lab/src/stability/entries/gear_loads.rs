@@ -1,4 +1,4 @@
-//! Gear pairs under loads, wear and grids beyond what they are made for.
+//! Gear pairs under extreme loads and wear, and on coarse grids.
 
 use gear::{
     Corrections, Discretisation, Error, Kernel, Member, Pair, PairInput, ReliefShape, TipRelief,
@@ -9,16 +9,17 @@ use results::report::Scale;
 use stats::streams::{Purpose, stream};
 
 use super::gear_scene::{all_finite, pair, plain};
-use crate::stability::outcome::{Failed, Outcome};
+use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
 
 pub(super) const ENTRIES: [Entry; 6] = [
     Entry {
         id: "gear-contact-loss",
-        title: "Contact that is lost under light loads",
-        input: "A pair with 20 µm of tip relief over 2 mm of the path, torques from 1000 N m to 10⁻⁶ N m, and 0",
-        instead: "Places that do not touch carry nothing; the balance is found for any load. At 0 the deflection ends, \
-                  and what is left is the gap of the corrections.",
+        title: "Loss of contact under light loads",
+        input: "A spur pair and a helical pair with 20 µm of tip relief over 2 mm of the path, torques from 1000 N m to \
+                10⁻⁶ N m, and 0",
+        instead: "Flanks that do not touch carry no load, and the load balance is found for any torque. Without load only \
+                  the gap of the corrections is left.",
         check: contact_loss,
         ..Entry::blank(Method::Gears)
     },
@@ -26,17 +27,17 @@ pub(super) const ENTRIES: [Entry; 6] = [
         id: "gear-deep-wear",
         title: "Wear deeper than the deflection",
         input: "Archard’s wear of 0.1 µm to 1 mm on each flank",
-        instead: "The worn flank carries where it still touches; ΔSTE grows in proportion to the depth. Wear does not feed \
-                  back on itself, so that such depths are beyond the model.",
+        instead: "The worn flank carries load where it still touches, and ΔSTE grows in proportion to the depth. The model \
+                  has no effect of wear on further wear, so it is not valid at such depths.",
         check: deep_wear,
         ..Entry::blank(Method::Gears)
     },
     Entry {
         id: "gear-rough-field",
-        title: "A random field rougher than its expansion",
+        title: "A random field too rough for its expansion",
         input: "Exponential correlation with ranges from 1 rad to 10⁻³ rad of roll angle",
-        instead: "The expansion has 64 modes for each gear at most. What it loses is returned as a share of the variance; \
-                  with a range of 10⁻³ rad it is most of it.",
+        instead: "The expansion has at most 64 modes for each gear. The share of the variance that it loses is returned; at \
+                  a range of 10⁻³ rad it is more than half.",
         check: rough_field,
         ..Entry::blank(Method::Gears)
     },
@@ -44,7 +45,7 @@ pub(super) const ENTRIES: [Entry; 6] = [
         id: "gear-large-variance",
         title: "A wear multiplier of large variance",
         input: "Variances of the multiplier from 0.01 to 100, 300 samples each",
-        instead: "Where the multiplier falls below zero it counts as zero, so that wear never adds material.",
+        instead: "A multiplier below zero counts as zero, so that wear never adds material.",
         check: large_variance,
         ..Entry::blank(Method::Gears)
     },
@@ -52,23 +53,23 @@ pub(super) const ENTRIES: [Entry; 6] = [
         id: "gear-coarse-grid",
         title: "A grid that is too coarse",
         input: "4 × 4 to 128 × 64 cells and phases, for the paper’s optimum without wear",
-        instead: "Nodes are added where the solution has kinks, so that even 4 × 4 is off by an eighth only. The default \
-                  is 64 × 32.",
+        instead: "Nodes are added at the kinks of the solution, so that even 4 × 4 has an error of only an eighth. The \
+                  default is 64 × 32.",
         check: coarse_grid,
         ..Entry::blank(Method::Gears)
     },
     Entry {
         id: "gear-absurd-load",
-        title: "Absurd loads on Weber’s approach",
+        title: "Extreme loads on Weber’s approach",
         input: "“weber-banaschek” with torques from 10⁻⁶ to 10⁶ N m",
-        instead: "The logarithm of the approach is held between a floor and a ceiling, so that the compliance stays \
-                  positive and the rounds end.",
+        instead: "The logarithm of the approach has a lower and an upper limit, so that the compliance stays positive and \
+                  the iteration ends.",
         check: absurd_load,
         ..Entry::blank(Method::Gears)
     },
 ];
 
-fn contact_loss(found: &mut Outcome) -> Result<(), Failed> {
+fn contact_loss(outcome: &mut Outcome) -> Result<(), EntryError> {
     let relief = TipRelief {
         amount: 0.02,
         length: 2.0,
@@ -77,41 +78,42 @@ fn contact_loss(found: &mut Outcome) -> Result<(), Failed> {
     let corrections = Corrections::default()
         .with_tip_relief(Member::Pinion, relief)
         .with_tip_relief(Member::Gear, relief);
-    let delta = |torque: f64, corrections: &Corrections| -> Result<f64, Error> {
-        let input = PairInput {
-            helix_angle: 0.0,
-            pinion_torque: torque * 1e3,
-            ..plain()
+    let with_helix =
+        |helix_angle: f64, torque: f64, corrections: &Corrections| -> Result<f64, Error> {
+            let input = PairInput {
+                helix_angle,
+                pinion_torque: torque * 1e3,
+                ..plain()
+            };
+            let pair = Pair::with_corrections(&input, corrections, &Discretisation::default())?;
+            Ok(pair.unworn().delta_ste_um)
         };
-        let pair = Pair::with_corrections(&input, corrections, &Discretisation::default())?;
-        Ok(pair.unworn().delta_ste_um)
-    };
+    let delta = |torque, corrections: &Corrections| with_helix(0.0, torque, corrections);
     let (mut relieved, mut bare) = (Vec::new(), Vec::new());
     for i in 0..=36 {
         let torque = 1000.0 * 10_f64.powf(-f64::from(i) / 4.0);
         relieved.push([torque, delta(torque, &corrections)?]);
         bare.push([torque, delta(torque, &Corrections::default())?]);
     }
-    found.holds(
-        "ΔSTE is a number at every torque",
+    outcome.holds(
+        "ΔSTE is finite at every torque",
         all_finite(&relieved) && all_finite(&bare),
     );
     let none = delta(0.0, &corrections)?;
-    let last = relieved[relieved.len() - 1][1];
-    found.at_most(
-        "distance of ΔSTE at 10⁻⁶ N m from that without load",
-        (last - none).abs(),
-        "µm",
-        0.01,
-    );
-    found.figure("ΔSTE without load, with relief", none, "µm");
-    found.at_most(
+    for (name, helix_angle) in [("spur", 0.0), ("helical", 15_f64.to_radians())] {
+        let light = with_helix(helix_angle, 1e-6, &corrections)?;
+        let none = with_helix(helix_angle, 0.0, &corrections)?;
+        let name = format!("distance of ΔSTE at 10⁻⁶ N m from that without load, {name} pair");
+        outcome.at_most(&name, (light - none).abs(), "µm", 1e-3);
+    }
+    outcome.figure("ΔSTE without load, with relief", none, "µm");
+    outcome.at_most(
         "ΔSTE without load, bare",
         delta(0.0, &Corrections::default())?,
         "µm",
         1e-9,
     );
-    found.chart(
+    outcome.chart(
         "ΔSTE as the load falls",
         ("torque (N m)", Scale::Log),
         ("ΔSTE (µm)", Scale::Log),
@@ -120,7 +122,7 @@ fn contact_loss(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn deep_wear(found: &mut Outcome) -> Result<(), Failed> {
+fn deep_wear(outcome: &mut Outcome) -> Result<(), EntryError> {
     let pair = pair(&paper::design(paper::FIGURE_7))?;
     let delta = |max_depth: f64| {
         let law = WearLaw::Archard {
@@ -130,15 +132,15 @@ fn deep_wear(found: &mut Outcome) -> Result<(), Failed> {
     };
     let depths = (0..=16).map(|i| 1e-4 * 10_f64.powf(f64::from(i) / 4.0));
     let curve: Vec<[f64; 2]> = depths.map(|depth| [1e3 * depth, delta(depth)]).collect();
-    found.holds("ΔSTE is a number at every depth", all_finite(&curve));
-    found.at_most(
+    outcome.holds("ΔSTE is finite at every depth", all_finite(&curve));
+    outcome.at_most(
         "ΔSTE at 1 mm over ten times that at 0.1 mm",
         delta(1.0) / (10.0 * delta(0.1)),
         "",
         1.1,
     );
-    found.figure("ΔSTE at 1 mm", delta(1.0), "µm");
-    found.chart(
+    outcome.figure("ΔSTE at 1 mm", delta(1.0), "µm");
+    outcome.chart(
         "ΔSTE as wear deepens",
         ("depth (µm)", Scale::Log),
         ("ΔSTE (µm)", Scale::Log),
@@ -147,7 +149,7 @@ fn deep_wear(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn rough_field(found: &mut Outcome) -> Result<(), Failed> {
+fn rough_field(outcome: &mut Outcome) -> Result<(), EntryError> {
     let pair = pair(&paper::design(paper::FIGURE_7))?;
     let lost = |kernel, range| {
         let sampler = pair.sampler(&Wear {
@@ -166,32 +168,32 @@ fn rough_field(found: &mut Outcome) -> Result<(), Failed> {
         curve(Kernel::Exponential),
         curve(Kernel::SquaredExponential),
     );
-    found.at_most(
+    outcome.at_most(
         "variance lost at 0.2 rad, exponential",
         lost(Kernel::Exponential, 0.2),
         "%",
         2.5,
     );
-    found.at_most(
+    outcome.at_most(
         "variance lost at 0.2 rad, squared exponential",
         lost(Kernel::SquaredExponential, 0.2),
         "%",
         1e-2,
     );
-    found.at_least(
+    outcome.at_least(
         "variance lost at 0.001 rad, exponential",
         lost(Kernel::Exponential, 1e-3),
         "%",
         50.0,
     );
-    found.holds(
+    outcome.holds(
         "every loss is a share",
         rough
             .iter()
             .chain(&smooth)
             .all(|p| (-1e-6..=100.0).contains(&p[1])),
     );
-    found.chart(
+    outcome.chart(
         "Variance that the expansion loses",
         ("range (rad of roll angle)", Scale::Log),
         ("lost (%)", Scale::Linear),
@@ -200,7 +202,7 @@ fn rough_field(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn large_variance(found: &mut Outcome) -> Result<(), Failed> {
+fn large_variance(outcome: &mut Outcome) -> Result<(), EntryError> {
     let pair = pair(&paper::design(paper::FIGURE_7))?;
     let mut curve = Vec::new();
     let mut deepest = 0.0_f64;
@@ -219,14 +221,14 @@ fn large_variance(found: &mut Outcome) -> Result<(), Failed> {
         }
         curve.push([variance, stats::mean_sd(&draws)?.0]);
     }
-    found.holds("every mean of ΔSTE is a number", all_finite(&curve));
-    found.at_most("material that wear adds", 1e3 * deepest, "µm", 0.0);
-    found.figure("mean ΔSTE at a variance of 0.01", curve[0][1], "µm");
-    found.figure("mean ΔSTE at a variance of 100", curve[5][1], "µm");
+    outcome.holds("every mean of ΔSTE is finite", all_finite(&curve));
+    outcome.at_most("material that wear adds", 1e3 * deepest, "µm", 0.0);
+    outcome.figure("mean ΔSTE at a variance of 0.01", curve[0][1], "µm");
+    outcome.figure("mean ΔSTE at a variance of 100", curve[5][1], "µm");
     Ok(())
 }
 
-fn coarse_grid(found: &mut Outcome) -> Result<(), Failed> {
+fn coarse_grid(outcome: &mut Outcome) -> Result<(), EntryError> {
     let input = paper::design(paper::FIGURE_7);
     let exact = Pair::converged(&input, &WEAR, 1e-5)?
         .pair
@@ -241,9 +243,9 @@ fn coarse_grid(found: &mut Outcome) -> Result<(), Failed> {
         let error = Pair::new(&input, &disc)?.unworn().delta_ste_um / exact - 1.0;
         curve.push([cells as f64, 100.0 * error.abs()]);
     }
-    found.at_most("error of 4 × 4", curve[0][1], "%", 20.0);
-    found.at_most("error of 64 × 32, the default", curve[4][1], "%", 0.3);
-    found.chart(
+    outcome.at_most("error of 4 × 4", curve[0][1], "%", 20.0);
+    outcome.at_most("error of 64 × 32, the default", curve[4][1], "%", 0.3);
+    outcome.chart(
         "Error of ΔSTE against the grid",
         ("cells", Scale::Log),
         ("error (%)", Scale::Log),
@@ -252,7 +254,7 @@ fn coarse_grid(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn absurd_load(found: &mut Outcome) -> Result<(), Failed> {
+fn absurd_load(outcome: &mut Outcome) -> Result<(), EntryError> {
     let (mut ste, mut stiffness) = (Vec::new(), Vec::new());
     for i in 0..=24 {
         let torque = 1e-6 * 10_f64.powf(f64::from(i) / 2.0);
@@ -264,17 +266,17 @@ fn absurd_load(found: &mut Outcome) -> Result<(), Failed> {
         ste.push([torque, pair.unworn().delta_ste_um]);
         stiffness.push([torque, pair.pitch_stiffness()]);
     }
-    found.holds("ΔSTE is a number at every torque", all_finite(&ste));
+    outcome.holds("ΔSTE is finite at every torque", all_finite(&ste));
     let least = stiffness.iter().map(|p| p[1]).fold(f64::MAX, f64::min);
     let most = stiffness.iter().map(|p| p[1]).fold(0.0, f64::max);
-    found.at_least(
+    outcome.at_least(
         "least stiffness at the pitch point",
         least,
         "N/(mm µm)",
         1.0,
     );
-    found.at_most("greatest over least stiffness", most / least, "", 4.0);
-    found.chart(
+    outcome.at_most("greatest over least stiffness", most / least, "", 4.0);
+    outcome.chart(
         "Stiffness at the pitch point",
         ("torque (N m)", Scale::Log),
         ("stiffness (N/(mm µm))", Scale::Linear),

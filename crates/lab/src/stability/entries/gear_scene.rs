@@ -3,9 +3,11 @@
 use campaign::Campaign;
 use campaign::file::GearLimits;
 use campaign::formulation::gears::{GearCriteria, constraints};
-use gear::{Discretisation, Error, Pair, PairInput, Size, TipRule, ToothModel, paper::MATERIAL};
+use gear::{
+    Discretisation, Error, Infeasible, Pair, PairInput, Size, TipRule, ToothModel, paper::MATERIAL,
+};
 
-use crate::stability::outcome::{Failed, Outcome};
+use crate::stability::outcome::{EntryError, Outcome};
 
 /// A plain helical pair of module 2.
 pub(super) fn plain() -> PairInput {
@@ -28,27 +30,48 @@ pub(super) fn plain() -> PairInput {
     }
 }
 
-/// Records a refusal under its code, and asserts that it is the `expected` one.
-pub(super) fn refused(found: &mut Outcome, result: Result<Pair, Error>, expected: &str) {
-    let code = match &result {
+/// Records a refusal under its code or field, with the promises that it is the `expected` one and that its message
+/// has the value.
+pub(super) fn refused(outcome: &mut Outcome, result: Result<Pair, Error>, expected: &str) {
+    refused_with(outcome, result, expected, |_| true);
+}
+
+/// Like [`refused`], with the further promise that the reason carries the right values.
+pub(super) fn refused_with(
+    outcome: &mut Outcome,
+    result: Result<Pair, Error>,
+    expected: &str,
+    carries_values: impl FnOnce(&Infeasible) -> bool,
+) {
+    let (code, has_value) = match &result {
         Err(Error::Infeasible(reason)) => {
-            found.detected(reason.code(), reason);
-            reason.code()
+            outcome.detected(reason.code(), reason);
+            outcome.holds(
+                "every reason carries the values at fault",
+                carries_values(reason),
+            );
+            let text = reason.to_string();
+            (
+                reason.code(),
+                text.len() > 30 && !text.ends_with('.') && !text.contains("NaN"),
+            )
         }
         Err(Error::Input(error)) => {
-            found.detected(error.field, error);
-            error.field
+            outcome.detected(error.field, error);
+            let start = format!("{} is {}, but must be ", error.field, error.value);
+            (error.field, error.to_string().starts_with(&start))
         }
-        Ok(_) => "not at all",
+        Ok(_) => ("not at all", false),
     };
-    found.holds(&format!("it is refused as {expected}"), code == expected);
+    outcome.holds(&format!("it is refused as {expected}"), code == expected);
+    outcome.holds("every refusal is a clause with the value", has_value);
 }
 
 pub(super) fn pair(input: &PairInput) -> Result<Pair, Error> {
     Pair::new(input, &Discretisation::default())
 }
 
-/// The largest change from a point to the next, over the whole span of the values.
+/// The largest difference between neighbouring values, divided by the range of all values.
 pub(super) fn largest_jump(points: &[[f64; 2]]) -> f64 {
     let values = || points.iter().map(|p| p[1]);
     let span = values().fold(f64::MIN, f64::max) - values().fold(f64::MAX, f64::min);
@@ -56,15 +79,15 @@ pub(super) fn largest_jump(points: &[[f64; 2]]) -> f64 {
     steps.fold(0.0, f64::max) / span
 }
 
-/// Thickness of the pinion's tooth at its tip circle over the module.
+/// Thickness of the pinion's tooth at its tip circle, in modules.
 pub(super) fn tip_land(pair: &Pair) -> Option<f64> {
     let criteria = GearCriteria::of_pair(pair, 0.0, true);
     Some(criteria.details?.tip_land_mm[0] / criteria.normal_module_mm)
 }
 
-/// Records the constraints that a pair breaks under the paper's limits, with a tip land of 0.2 modules, and
-/// asserts that the `expected` one is among them.
-pub(super) fn broken(found: &mut Outcome, pair: &Pair, expected: &str) -> Result<(), Failed> {
+/// Records the constraints that a pair breaks under the paper's limits and a minimum tip land of 0.2 modules, with
+/// the promise that the `expected` one is among them.
+pub(super) fn broken(outcome: &mut Outcome, pair: &Pair, expected: &str) -> Result<(), EntryError> {
     let paper = Campaign::parse("paper.toml", Campaign::PAPER)?;
     let sections = paper.gears().ok_or("the paper’s campaign has gears")?;
     let limits = GearLimits {
@@ -76,10 +99,10 @@ pub(super) fn broken(found: &mut Outcome, pair: &Pair, expected: &str) -> Result
     for constraint in constraints(&limits, &sections.material, &criteria) {
         if !constraint.holds() {
             is_broken |= constraint.name == expected;
-            found.detected(constraint.name.to_string(), &constraint);
+            outcome.detected(constraint.name.to_string(), &constraint);
         }
     }
-    found.holds(&format!("the constraint {expected} is broken"), is_broken);
+    outcome.holds(&format!("the constraint {expected} is broken"), is_broken);
     Ok(())
 }
 

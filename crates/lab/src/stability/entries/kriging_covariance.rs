@@ -1,11 +1,13 @@
-//! Kriging: matrices near singular, likelihoods without a maximum.
+//! Kriging: nearly singular covariance matrices and likelihoods without a maximum.
 
-use kriging::{Estimator, FitOptions, Kernel, Model, Warning};
+use kriging::{Data, Error, Estimator, FitOptions, Kernel, Model, Warning, fit};
 use nalgebra::DMatrix;
 use results::report::Scale;
 
-use super::kriging_scene::{grid, kernel, model, normal, random_points, rmse};
-use crate::stability::outcome::{Failed, Outcome};
+use super::kriging_scene::{
+    grid, kernel, model, normal, random_points, rmse, rmse_at, smooth, values,
+};
+use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
 
 pub(super) const ENTRIES: [Entry; 5] = [
@@ -14,47 +16,49 @@ pub(super) const ENTRIES: [Entry; 5] = [
         title: "Condition number against nugget and spacing",
         input: "30 evenly spaced points on a line, spacings from a hundredth of the range to three ranges, \
                 nuggets from 1e-12 to 1e-2 of the process variance",
-        instead: "A nugget bounds the condition number by 1 + n/nugget, whatever the spacing. Where the data \
-                  bring no noise, jitter takes its place, from 1e-12 upwards and only as much as is needed.",
+        instead: "A nugget bounds the condition number by 1 + n/nugget at any spacing. For data without noise, jitter is \
+                  added instead: 1e-12 of the process variance, and more only as far as needed.",
         check: condition,
         ..Entry::blank(Method::Kriging)
     },
     Entry {
         id: "kriging-dense-grid",
         title: "Squared exponential on dense grids",
-        input: "sin 5x + x² without noise at 5 to 160 evenly spaced points, fitted with the squared \
-                exponential and with Matérn 5/2",
-        instead: "Where the matrix is singular to rounding it gets jitter, which is said; the error then stops falling. \
-                  Matérn 5/2, the default, needs it too, at four times as many points: so smooth a function \
-                  has a long range, and its points are dense in it.",
+        input: "sin 5x + x² without noise at 5 to 160 evenly spaced points, fitted with the squared exponential and with \
+                Matérn 5/2; sin 3x₁ + x₂² on a grid of 30 × 30 points",
+        instead: "A matrix that is singular to rounding gets jitter, with a warning, and the error stops falling. \
+                  Matérn 5/2, the default, needs jitter from four times as many points on: a smooth function has a long \
+                  range, in which the points are dense.",
         check: dense_grid,
         ..Entry::blank(Method::Kriging)
     },
     Entry {
         id: "kriging-flat-likelihood",
-        title: "Flat likelihood",
+        title: "A flat likelihood",
         input: "12 points in 4 dimensions, a response that depends on the first coordinate alone, noise of \
                 half its spread",
-        instead: "The fit goes on with the ranges of the highest likelihood. The posterior mode settles the \
-                  ranges by a weak prior.",
+        instead: "The fit uses the ranges of the highest likelihood found, with a warning. The posterior mode determines \
+                  the ranges by a weak prior.",
         check: flat_likelihood,
         ..Entry::blank(Method::Kriging)
     },
     Entry {
         id: "kriging-noise-only",
-        title: "A response that is noise alone",
+        title: "Noise without a signal",
         input: "60 points in 2 dimensions whose observations are independent of x, with their true noise \
-                variance",
-        instead: "The model predicts the mean, and its intervals are about as wide as the mean is uncertain. \
-                  With refuse_no_structure it is refused.",
+                variance and stated as exact",
+        instead: "The model predicts the mean, with intervals as wide as the uncertainty of the mean, and a warning. With \
+                  refuse_no_structure the fit is refused.",
         check: noise_only,
         ..Entry::blank(Method::Kriging)
     },
     Entry {
         id: "kriging-constant",
         title: "All observations equal",
-        input: "20 points in 2 dimensions, all observations 7.5",
-        instead: "The model is the constant, without a search for ranges that nothing determines.",
+        input: "30 points in 3 dimensions with observations of 100, exact or with unequal noise variances, and every \
+                covariance function",
+        instead: "The model is the constant, with the variance of the weighted mean. No ranges are searched for, because \
+                  the data do not determine them.",
         check: constant,
         ..Entry::blank(Method::Kriging)
     },
@@ -67,11 +71,11 @@ fn condition_number(kernel: Kernel, n: usize, spacing: f64, nugget: f64) -> f64 
         kernel.correlation(&[steps * spacing]) + own
     });
     let eigenvalues = matrix.symmetric_eigenvalues();
-    // An eigenvalue below rounding means that an f64 cannot resolve the condition number.
+    // With an eigenvalue below rounding, an f64 cannot resolve the condition number.
     eigenvalues.max() / eigenvalues.min().max(f64::EPSILON * 1e-2)
 }
 
-fn condition(found: &mut Outcome) -> Result<(), Failed> {
+fn condition(outcome: &mut Outcome) -> Result<(), EntryError> {
     let n = 30;
     let spacings: Vec<f64> = (0..=24)
         .map(|i| 0.01 * 300_f64.powf(f64::from(i) / 24.0))
@@ -93,36 +97,36 @@ fn condition(found: &mut Outcome) -> Result<(), Failed> {
         worst = points.iter().map(|p| p[1] / bound).fold(worst, f64::max);
         curves.push((name, points));
     }
-    // Eigenvalues are right to some units of rounding of the largest, 30: 1 % of a nugget of 1e-12.
-    found.at_most(
+    // The error of an eigenvalue is some units of rounding of the largest one, 30: 1 % of a nugget of 1e-12.
+    outcome.at_most(
         "condition number over its bound 1 + n/nugget",
         worst,
         "",
         1.02,
     );
     let at_tenth = |covariance| condition_number(covariance, n, 0.1, 1e-12);
-    found.figure(
+    outcome.figure(
         "condition number at a tenth of the range, squared exponential",
         at_tenth(Kernel::SquaredExponential),
         "",
     );
-    found.figure(
+    outcome.figure(
         "condition number at a tenth of the range, Matérn 5/2",
         at_tenth(Kernel::Matern52),
         "",
     );
-    found.chart(
+    outcome.chart(
         "Condition number of 30 points, by kernel and nugget",
         ("spacing over range", Scale::Log),
         ("condition number", Scale::Log),
         curves,
     );
-    // The library's behaviour with such data.
+    // A fit to such data.
     let x = grid(n);
     let y: Vec<f64> = x.iter().map(|x| (3.0 * x).sin()).collect();
     let model = model(&x, 1, &y, 0.0, &kernel(Kernel::SquaredExponential))?;
-    found.warned(model.warnings(), &["Jitter"]);
-    found.at_most(
+    outcome.warned(model.warnings(), &["Jitter"]);
+    outcome.at_most(
         "error between the points with jitter",
         rmse(&model, |x| (3.0 * x).sin()),
         "",
@@ -131,7 +135,7 @@ fn condition(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn dense_grid(found: &mut Outcome) -> Result<(), Failed> {
+fn dense_grid(outcome: &mut Outcome) -> Result<(), EntryError> {
     let truth = |x: f64| (5.0 * x).sin() + x * x;
     let (mut smooth, mut rough) = (Vec::new(), Vec::new());
     let mut first_jitter = [f64::NAN; 2];
@@ -146,7 +150,7 @@ fn dense_grid(found: &mut Outcome) -> Result<(), Failed> {
             curve.push([n as f64, rmse(&model, truth)]);
             let is_smooth = covariance == Kernel::SquaredExponential;
             if is_smooth && n == 160 {
-                found.warned(model.warnings(), &["Jitter"]);
+                outcome.warned(model.warnings(), &["Jitter"]);
             }
             let has_jitter = |w: &Warning| matches!(w, Warning::Jitter { .. });
             let first = &mut first_jitter[usize::from(!is_smooth)];
@@ -159,31 +163,41 @@ fn dense_grid(found: &mut Outcome) -> Result<(), Failed> {
         let dense = curve.iter().filter(|p| p[0] >= 20.0);
         dense.map(|p| p[1]).fold(0.0, f64::max)
     };
-    found.at_most(
+    outcome.at_most(
         "largest error from 20 points on, squared exponential",
         worst(&smooth),
         "",
         1e-4,
     );
-    found.at_most(
+    outcome.at_most(
         "largest error from 20 points on, Matérn 5/2",
         worst(&rough),
         "",
         1e-3,
     );
-    found.at_most(
+    outcome.at_most(
         "points from which the squared exponential needs jitter",
         first_jitter[0],
         "",
         40.0,
     );
-    found.at_least(
+    outcome.at_least(
         "points from which Matérn 5/2 needs jitter",
         first_jitter[1],
         "",
         40.0,
     );
-    found.chart(
+    let x: Vec<f64> = grid(30)
+        .iter()
+        .flat_map(|&a| grid(30).into_iter().flat_map(move |b| [a, b]))
+        .collect();
+    let truth = |x: &[f64]| (3.0 * x[0]).sin() + x[1] * x[1];
+    let options = kernel(Kernel::SquaredExponential);
+    let fitted = model(&x, 2, &values(&x, 2, truth), 0.0, &options)?;
+    outcome.warned(fitted.warnings(), &["Jitter"]);
+    let error = rmse_at(&fitted, &random_points(150, 2, 16), 2, truth);
+    outcome.at_most("error on the grid of 30 × 30", error, "", 1e-7);
+    outcome.chart(
         "Error against the number of points",
         ("points", Scale::Log),
         ("RMS error", Scale::Log),
@@ -192,13 +206,13 @@ fn dense_grid(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn flat_likelihood(found: &mut Outcome) -> Result<(), Failed> {
+fn flat_likelihood(outcome: &mut Outcome) -> Result<(), EntryError> {
     let (n, d) = (12, 4);
     let x = random_points(n, d, 1);
     let noise = normal(n, 1);
     let y: Vec<f64> = (0..n).map(|i| x[i * d] + 0.15 * noise[i]).collect();
     let likelihood = model(&x, d, &y, 0.15 * 0.15, &FitOptions::default())?;
-    found.warned(likelihood.warnings(), &["FlatRanges"]);
+    outcome.warned(likelihood.warnings(), &["FlatRanges"]);
     let options = FitOptions {
         estimator: Estimator::PosteriorMode,
         ..FitOptions::default()
@@ -209,12 +223,12 @@ fn flat_likelihood(found: &mut Outcome) -> Result<(), Failed> {
         let longest = ranges.iter().copied().fold(0.0, f64::max);
         longest / ranges.iter().copied().fold(f64::INFINITY, f64::min)
     };
-    found.figure(
+    outcome.figure(
         "longest over shortest range, likelihood",
         spread(&likelihood),
         "",
     );
-    found.at_most(
+    outcome.at_most(
         "longest over shortest range, posterior mode",
         spread(&posterior),
         "",
@@ -223,20 +237,20 @@ fn flat_likelihood(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn noise_only(found: &mut Outcome) -> Result<(), Failed> {
+fn noise_only(outcome: &mut Outcome) -> Result<(), EntryError> {
     let n = 60;
     let x = random_points(n, 2, 2);
     let y = normal(n, 2);
     let fitted = model(&x, 2, &y, 1.0, &FitOptions::default())?;
-    found.warned(fitted.warnings(), &["NoStructure"]);
+    outcome.warned(fitted.warnings(), &["NoStructure"]);
     let prediction = fitted.predict(&[0.5, 0.5]);
-    found.at_most(
+    outcome.at_most(
         "prediction, where the truth is 0",
         prediction.mean.abs(),
         "",
         0.5,
     );
-    found.figure(
+    outcome.figure(
         "standard error of the prediction",
         prediction.variance.sqrt(),
         "",
@@ -245,21 +259,69 @@ fn noise_only(found: &mut Outcome) -> Result<(), Failed> {
         refuse_no_structure: true,
         ..FitOptions::default()
     };
-    found.refused(model(&x, 2, &y, 1.0, &options), "NoStructure");
+    let refusal = model(&x, 2, &y, 1.0, &options);
+    let gains_little =
+        matches!(&refusal, Err(Error::NoStructure { gain, needed }) if gain < needed);
+    outcome.holds("the gain in likelihood is less than needed", gains_little);
+    outcome.refused(refusal, "NoStructure");
+    outcome.refused(model(&x, 2, &[1.0; 60], 1.0, &options), "NoStructure");
+    let exact = model(&x, 2, &y, 0.0, &FitOptions::default())?;
+    outcome.warned(exact.warnings(), &["NoStructure"]);
+    let x = random_points(80, 3, 17);
+    let noise = normal(80, 17);
+    let y: Vec<f64> = x
+        .chunks(3)
+        .zip(&noise)
+        .map(|(x, z)| smooth(x) + 0.22 * z)
+        .collect();
+    let fitted = model(&x, 3, &y, 0.05, &options)?;
+    let is_noise = |warning: &Warning| matches!(warning, Warning::NoStructure { .. });
+    let is_recognised = !fitted.warnings().iter().any(is_noise);
+    outcome.holds(
+        "a smooth function with a little noise has structure",
+        is_recognised,
+    );
     Ok(())
 }
 
-fn constant(found: &mut Outcome) -> Result<(), Failed> {
-    let x = random_points(20, 2, 3);
-    let fitted = model(&x, 2, &[7.5; 20], 0.0, &FitOptions::default())?;
-    found.warned(fitted.warnings(), &["ConstantResponse"]);
-    let prediction = fitted.predict(&[0.3, 0.9]);
-    found.at_most(
-        "error of the prediction",
-        (prediction.mean - 7.5).abs(),
-        "",
-        0.0,
-    );
-    found.at_most("standard error", prediction.variance.sqrt(), "", 1e-100);
+fn constant(outcome: &mut Outcome) -> Result<(), EntryError> {
+    let x = random_points(30, 3, 3);
+    let mut worst = 0.0_f64;
+    for noise in [0.0, 0.02] {
+        let noise_variance: Vec<f64> = (0..30)
+            .map(|i| noise * (0.5 + f64::from(i) / 30.0))
+            .collect();
+        let of_mean = 1.0
+            / noise_variance
+                .iter()
+                .map(|variance| 1.0 / variance)
+                .sum::<f64>();
+        let data = Data {
+            x: &x,
+            d: 3,
+            y: &[100.0; 30],
+            noise_variance: &noise_variance,
+        };
+        for covariance in Kernel::ALL {
+            let fitted = fit(&data, &kernel(covariance))?;
+            outcome.warned(fitted.warnings(), &["ConstantResponse"]);
+            let prediction = fitted.predict(&[0.2, 0.4, 2.0]);
+            worst = worst.max((prediction.mean - 100.0).abs());
+            outcome.holds(
+                "the variance is that of the weighted mean",
+                (prediction.variance - of_mean).abs() <= 1e-6 * of_mean + 1e-300,
+            );
+            let left_out = fitted.leave_one_out();
+            let is_small = |residual: &f64| residual.abs() < 1e-12;
+            outcome.holds(
+                "the leave-one-out residuals are 0, with Q² 0 and coverage 1",
+                left_out.residuals.iter().all(is_small)
+                    && (left_out.q2, left_out.coverage90) == (0.0, 1.0),
+            );
+            let likelihood = fitted.negative_log_likelihood();
+            outcome.holds("the likelihood is finite", likelihood.is_finite());
+        }
+    }
+    outcome.at_most("largest error of a prediction", worst, "", 1e-12);
     Ok(())
 }

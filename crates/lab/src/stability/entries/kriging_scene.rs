@@ -5,7 +5,9 @@ use rand::RngExt as _;
 use rand_distr::{Distribution as _, StandardNormal};
 use stats::streams::{Purpose, stream};
 
-/// A fit of exact or noisy observations in d coordinates, the points row-major.
+use crate::summary::root_mean_square;
+
+/// A fit to observations with the noise variance `noise` at row-major points in d dimensions.
 pub(super) fn model(
     x: &[f64],
     d: usize,
@@ -47,9 +49,23 @@ pub(super) fn normal(n: usize, number: u64) -> Vec<f64> {
     (0..n).map(|_| StandardNormal.sample(&mut rng)).collect()
 }
 
+/// A smooth function of the unit cube with a range of about 8.
+pub(super) fn smooth(x: &[f64]) -> f64 {
+    10.0 + 3.0 * (5.0 * x[0]).sin() + x.iter().map(|x| x * x).sum::<f64>()
+}
+
+/// The values of a function at row-major points in d dimensions.
+pub(super) fn values(x: &[f64], d: usize, truth: impl Fn(&[f64]) -> f64) -> Vec<f64> {
+    x.chunks(d).map(truth).collect()
+}
+
 /// The root mean square of the model's errors on a fine grid of [0, 1].
 pub(super) fn rmse(model: &Model, truth: impl Fn(f64) -> f64) -> f64 {
-    let at = grid(997);
-    let squares = at.iter().map(|&x| (model.mean(&[x]) - truth(x)).powi(2));
-    (squares.sum::<f64>() / at.len() as f64).sqrt()
+    rmse_at(model, &grid(997), 1, |x| truth(x[0]))
+}
+
+/// The root mean square of the model's errors at row-major points in d dimensions.
+pub(super) fn rmse_at(model: &Model, x: &[f64], d: usize, truth: impl Fn(&[f64]) -> f64) -> f64 {
+    let errors: Vec<f64> = x.chunks(d).map(|x| model.mean(x) - truth(x)).collect();
+    root_mean_square(&errors)
 }

@@ -2,115 +2,150 @@
 
 use std::time::Duration;
 
-use ledger::{Failure, Ledger, Options, StreamId};
+use ledger::{Failure, Ledger, Options, StreamDemand, StreamId};
 
 use super::lease_scene::{
-    LEASE, ONE, all_of, at, beat, explained, failure_of, lease, ledger, names, units, vanished,
-    with_options,
+    LEASE, ONE, all_of, at, beat, crashed, explained, failure_of, lease, ledger, names, units,
+    wanted, with_options,
 };
-use crate::stability::outcome::{Failed, Outcome, variant};
+use crate::stability::outcome::{EntryError, Outcome, variant};
 use crate::stability::{Entry, Method};
 
 pub(super) const ENTRIES: [Entry; 5] = [
     Entry {
         id: "lease-crash",
         title: "A design that kills its workers",
-        input: "Three workers that fall silent over the same design, then a retry",
-        instead: "The design is quarantined, the campaign goes on without it, and a retry gives it another chance.",
+        input: "Three workers that fall silent over the same design, then a retry; one worker that falls silent five times",
+        instead: "The design is quarantined at the third worker, and the campaign continues without it. A retry or a late \
+                  result ends the quarantine. One worker counts once, however often it is silent.",
         check: crash,
         ..Entry::blank(Method::Leases)
     },
     Entry {
         id: "lease-shared",
-        title: "A lease of several designs that kills its worker",
-        input: "60 short designs, of which one worker holds several when it falls silent",
-        instead: "Nobody knows which design it was: none is blamed, and each of them gets a lease of its own.",
+        title: "A worker that crashes over several designs",
+        input: "60 short designs and a worker that falls silent over a lease of several designs",
+        instead: "Any of the designs may be the cause: no crash is counted, and each design gets a lease of its own.",
         check: shared,
         ..Entry::blank(Method::Leases)
     },
     Entry {
         id: "lease-failures",
-        title: "A design that fails again and again",
+        title: "A design that always fails",
         input: "A simulator that returns an error for one design and computes the other",
-        instead: "The design waits 0.5 s, then 2 s, and is quarantined with its error at the third failure, since the \
-                  worker computes the other one in between.",
+        instead: "The design waits 0.5 s, then 2 s, and is quarantined with its error at the third failure, because the \
+                  worker computed the other design in between. A repeated report counts once.",
         check: failures,
         ..Entry::blank(Method::Leases)
     },
     Entry {
         id: "lease-outage",
-        title: "A simulator that has no licence for a while",
-        input: "40 designs, of which all fail for 20 s",
-        instead: "What fails is tried again, and nothing counts against a design while nothing succeeds.",
+        title: "A simulator without a licence for some time",
+        input: "Two workers, 40 designs and an optimiser’s run, an outage of 20 s at the start or after 1.5 s",
+        instead: "Failed samples are retried. No failure counts against a design while nothing succeeds.",
         check: outage,
         ..Entry::blank(Method::Leases)
     },
     Entry {
         id: "lease-bad-worker",
         title: "A worker on which everything fails",
-        input: "A worker that fails three designs in a row, beside a sound one, and alone",
-        instead: "It gets a sample that is known, and if it fails that, too, nothing for a while, which doubles each \
-                  time. Alone it is suspended for a minute at most, since then the designs are to blame.",
+        input: "A worker that fails three designs in a row, beside a working one and alone",
+        instead: "The worker gets a sample whose result is known. If it fails that sample too, it is suspended, each time \
+                  for twice as long. A worker without others is suspended for a minute at most, because then the designs \
+                  may be the cause.",
         check: bad_worker,
         ..Entry::blank(Method::Leases)
     },
 ];
 
-fn crash(found: &mut Outcome) -> Result<(), Failed> {
+fn crash(outcome: &mut Outcome) -> Result<(), EntryError> {
     let workers = names(["a", "b", "c"]);
     let mut ledger = ledger(2, 1, &workers);
     let mut now = at(0.0);
-    // The second design is computed meanwhile.
     for worker in &workers {
         let grant = lease(&mut ledger, worker, now)?;
         if grant.units[0].0.stream != ONE {
-            return Err("the first design was expected first".into());
+            return Err("the first lease is not of the first design".into());
         }
         beat(&mut ledger, worker, grant.lease, now);
         now += 2 * LEASE;
-        vanished(found, &ledger.expire(now));
+        crashed(outcome, &ledger.expire(now));
     }
-    found.at_least(
-        "designs quarantined",
-        ledger.quarantined().count() as f64,
-        "",
-        1.0,
-    );
+    let quarantined = |ledger: &Ledger<()>| ledger.quarantined().count() as f64;
+    outcome.at_least("designs quarantined", quarantined(&ledger), "", 1.0);
     for (stream, error) in ledger.quarantined() {
-        found.detected("quarantined", format!("{stream}: {error}"));
+        outcome.detected("quarantined", format!("{stream}: {error}"));
     }
-    explained(found, &ledger, now);
+    explained(outcome, &ledger, now);
     let other = lease(&mut ledger, &workers[0], now)?;
-    found.holds(
-        "the campaign goes on with the other design",
-        other.units[0].0.stream != ONE,
-    );
+    let is_other = other.units[0].0.stream != ONE;
+    outcome.holds("the campaign continues with the other design", is_other);
     ledger.deliver(&workers[0], other.lease, &all_of(&other), now);
-    found.holds("a retry gives it back", ledger.retry() == [ONE]);
+    outcome.holds(
+        "a retry makes the design available",
+        ledger.retry() == [ONE],
+    );
     let again = lease(&mut ledger, &workers[1], now)?;
     ledger.deliver(&workers[1], again.lease, &all_of(&again), now);
-    found.at_most(
+    outcome.at_most(
         "designs quarantined after the retry",
-        ledger.quarantined().count() as f64,
+        quarantined(&ledger),
         "",
         0.0,
+    );
+    silence(outcome)
+}
+
+/// One worker that falls silent five times, then two others.
+fn silence(outcome: &mut Outcome) -> Result<(), EntryError> {
+    let [a, b, c] = names(["a", "b", "c"]);
+    let mut ledger = ledger(1, 1, &[a.clone(), b.clone(), c.clone()]);
+    let mut now = at(0.0);
+    let mut newest = lease(&mut ledger, &a, now)?;
+    for _ in 0..5 {
+        beat(&mut ledger, &a, newest.lease, now);
+        now += 2 * LEASE;
+        let crashes = ledger.expire(now);
+        outcome.holds(
+            "one worker that falls silent five times quarantines nothing",
+            crashes.len() == 1 && !crashes[0].quarantined,
+        );
+        newest = lease(&mut ledger, &a, now)?;
+    }
+    for (worker, is_third) in [(&b, false), (&c, true)] {
+        ledger.release(&a, &[newest.lease], now);
+        newest = lease(&mut ledger, worker, now)?;
+        beat(&mut ledger, worker, newest.lease, now);
+        now += 2 * LEASE;
+        outcome.holds(
+            "the third silent worker quarantines the design",
+            ledger.expire(now)[0].quarantined == is_third,
+        );
+    }
+    outcome.holds("the quarantine is announced", ledger.take_settled());
+    let is_renewed = beat(&mut ledger, &c, newest.lease, now).is_empty();
+    ledger.deliver(&c, newest.lease, &all_of(&newest), now);
+    let counts = ledger.counts();
+    outcome.holds(
+        "a late result ends the quarantine",
+        is_renewed && counts.quarantined + counts.free + counts.leased == 0,
     );
     Ok(())
 }
 
-fn shared(found: &mut Outcome) -> Result<(), Failed> {
+fn shared(outcome: &mut Outcome) -> Result<(), EntryError> {
     let [a, b] = names(["a", "b"]);
     let mut ledger = with_options(Options::default(), 60, 4, &[a.clone(), b.clone()]);
     let first = lease(&mut ledger, &a, at(0.0))?;
     ledger.deliver(&a, first.lease, &all_of(&first), at(0.0));
     let grant = lease(&mut ledger, &a, at(0.0))?;
-    found.at_least("designs of the lease", grant.units.len() as f64, "", 2.0);
+    outcome.at_least("designs of the lease", grant.units.len() as f64, "", 2.0);
     beat(&mut ledger, &a, grant.lease, at(0.0));
-    let gone = ledger.expire(at(60.0));
-    vanished(found, &gone);
-    found.holds(
+    let crashes = ledger.expire(at(60.0));
+    crashed(outcome, &crashes);
+    outcome.holds(
         "the lease is split",
-        gone.iter().any(|one| one.is_split && !one.quarantined),
+        crashes[0].is_split && !crashes[0].quarantined,
     );
     let suspects: Vec<StreamId> = units(&grant).iter().map(|unit| unit.stream).collect();
     let mut largest = 0;
@@ -123,13 +158,13 @@ fn shared(found: &mut Outcome) -> Result<(), Failed> {
             largest = largest.max(next.units.len());
         }
     }
-    found.at_most(
-        "designs of a lease with one of them, afterwards",
+    outcome.at_most(
+        "designs of a later lease that has one of these",
         largest as f64,
         "",
         1.0,
     );
-    found.at_most(
+    outcome.at_most(
         "designs quarantined",
         ledger.quarantined().count() as f64,
         "",
@@ -138,69 +173,112 @@ fn shared(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn failures(found: &mut Outcome) -> Result<(), Failed> {
+fn failures(outcome: &mut Outcome) -> Result<(), EntryError> {
     let [a] = names(["a"]);
     let mut ledger = ledger(2, 1, std::slice::from_ref(&a));
     let mut now = at(0.0);
-    let mut waits = Vec::new();
+    let (mut waits, mut due_after) = (Vec::new(), Vec::new());
     while ledger.quarantined().count() == 0 {
         let Some(grant) = ledger.lease(&a, now) else {
-            now = ledger.next_due(&a, now).ok_or("nothing is due")?;
+            let due = ledger.next_due(&a, now).ok_or("nothing is due")?;
+            let early = now + (due - now).mul_f64(0.9);
+            outcome.holds(
+                "the design is not leased early",
+                ledger.lease(&a, early).is_none(),
+            );
+            due_after.push((due - now).as_secs_f64());
+            now = due;
             continue;
         };
         if grant.units[0].0.stream != ONE {
             ledger.deliver(&a, grant.lease, &all_of(&grant), now);
             continue;
         }
-        let (outcomes, _) = ledger.deliver(&a, grant.lease, &failure_of(&grant), now);
+        let failure = failure_of(&grant);
+        let (outcomes, _) = ledger.deliver(&a, grant.lease, &failure, now);
         match outcomes[..] {
-            [Failure::Retry(wait)] => waits.push(wait.as_secs_f64()),
-            [quarantined @ Failure::Quarantined] => found.named(variant(&quarantined)),
+            [Failure::Retry(wait)] => {
+                waits.push(wait.as_secs_f64());
+                let (again, _) = ledger.deliver(&a, grant.lease, &failure, now);
+                outcome.holds("a repeated report is ignored", again == [Failure::Ignored]);
+            }
+            [quarantined @ Failure::Quarantined] => outcome.named(variant(&quarantined)),
             _ => return Err(format!("unexpected: {outcomes:?}").into()),
         }
     }
-    found.holds("it waits 0.5 s, then 2 s", waits == [0.5, 2.0]);
-    found.at_least(
+    let is_right = waits == [0.5, 2.0] && due_after == waits;
+    outcome.holds("the design waits 0.5 s, then 2 s", is_right);
+    outcome.at_least(
         "designs quarantined",
         ledger.quarantined().count() as f64,
         "",
         1.0,
     );
-    explained(found, &ledger, now);
+    explained(outcome, &ledger, now);
+    let mut explanations = ledger.explain(now).into_iter();
+    let has_error = explanations.any(|one| one.to_string().contains("no load path"));
+    outcome.holds("the explanation has the error", has_error);
+    let is_retried = ledger.retry() == [ONE] && ledger.lease(&a, now).is_some();
+    outcome.holds("a retry makes the design available", is_retried);
     Ok(())
 }
 
-fn outage(found: &mut Outcome) -> Result<(), Failed> {
-    let [a] = names(["a"]);
-    let mut ledger = ledger(40, 1, std::slice::from_ref(&a));
-    let (mut now, over) = (at(0.0), at(20.0));
+fn outage(outcome: &mut Outcome) -> Result<(), EntryError> {
+    let workers = names(["a", "b"]);
     let mut is_explained = false;
-    while ledger.counts().free + ledger.counts().waiting > 0 {
-        let Some(grant) = ledger.lease(&a, now) else {
-            if !is_explained {
-                explained(found, &ledger, now);
+    for begins in [0.0, 1.5] {
+        let mut ledger = ledger(40, 4, &workers);
+        ledger.want(StreamDemand {
+            is_tolerant: true,
+            ..wanted(StreamId::run(3, 0), 7, 6)
+        });
+        let (mut now, ends) = (at(0.0), at(begins + 20.0));
+        let mut has_verdict = false;
+        while ledger.counts().free + ledger.counts().waiting > 0 {
+            let mut is_idle = true;
+            for worker in &workers {
+                let Some(grant) = ledger.lease(worker, now) else {
+                    continue;
+                };
+                is_idle = false;
+                let delivery = match at(begins) <= now && now < ends {
+                    true => failure_of(&grant),
+                    false => all_of(&grant),
+                };
+                let (outcomes, _) = ledger.deliver(worker, grant.lease, &delivery, now);
+                let verdict =
+                    |one: &Failure| matches!(one, Failure::Conclusive | Failure::Quarantined);
+                has_verdict |= outcomes.iter().any(verdict);
             }
-            is_explained = true;
-            now = ledger.next_due(&a, now).ok_or("nothing is due")?;
-            continue;
-        };
-        let delivery = match now < over {
-            true => failure_of(&grant),
-            false => all_of(&grant),
-        };
-        ledger.deliver(&a, grant.lease, &delivery, now);
+            if is_idle && !is_explained {
+                explained(outcome, &ledger, now);
+                is_explained = true;
+            }
+            now += at(0.1);
+            if now > at(1000.0) {
+                return Err("the campaign does not end".into());
+            }
+        }
+        outcome.holds("no failure of the outage is final", !has_verdict);
+        let quarantined = ledger.quarantined().count() as f64;
+        outcome.at_most(
+            &format!("designs quarantined, outage from {begins} s"),
+            quarantined,
+            "",
+            0.0,
+        );
+        let seconds = now.as_secs_f64();
+        outcome.at_most(
+            &format!("time of the campaign, outage from {begins} s"),
+            seconds,
+            "s",
+            35.0,
+        );
     }
-    found.at_most(
-        "designs quarantined",
-        ledger.quarantined().count() as f64,
-        "",
-        0.0,
-    );
-    found.at_most("all samples are there after", now.as_secs_f64(), "s", 35.0);
     Ok(())
 }
 
-fn bad_worker(found: &mut Outcome) -> Result<(), Failed> {
+fn bad_worker(outcome: &mut Outcome) -> Result<(), EntryError> {
     let [bad, good] = names(["bad", "good"]);
     let fail_all = |ledger: &mut Ledger<()>, now| -> Option<Duration> {
         while let Some(grant) = ledger.lease(&bad, now) {
@@ -211,25 +289,25 @@ fn bad_worker(found: &mut Outcome) -> Result<(), Failed> {
         }
         None
     };
-    let deliver_one = |ledger: &mut Ledger<()>, now| -> Result<(), Failed> {
+    let deliver_one = |ledger: &mut Ledger<()>, now| -> Result<(), EntryError> {
         let grant = lease(ledger, &good, now)?;
         ledger.deliver(&good, grant.lease, &all_of(&grant), now);
         Ok(())
     };
     let mut beside = ledger(40, 1, &[bad.clone(), good.clone()]);
     deliver_one(&mut beside, at(1.0))?;
-    let until = fail_all(&mut beside, at(1.0)).ok_or("it was not suspended")?;
-    found.figure("suspended for", (until - at(1.0)).as_secs_f64(), "s");
-    found.holds(
-        "the bad one gets nothing",
+    let until = fail_all(&mut beside, at(1.0)).ok_or("the worker was not suspended")?;
+    outcome.figure("first suspension", (until - at(1.0)).as_secs_f64(), "s");
+    outcome.holds(
+        "the suspended worker gets nothing",
         beside.lease(&bad, at(2.0)).is_none(),
     );
-    explained(found, &beside, at(2.0));
+    explained(outcome, &beside, at(2.0));
     deliver_one(&mut beside, at(2.0))?;
-    let again = fail_all(&mut beside, until).ok_or("it was not suspended again")?;
+    let again = fail_all(&mut beside, until).ok_or("the worker was not suspended again")?;
     let ratio = (again - until).as_secs_f64() / (until - at(1.0)).as_secs_f64();
-    found.holds(
-        "the second time is twice as long",
+    outcome.holds(
+        "the second suspension is twice as long",
         (ratio - 2.0).abs() < 1e-9,
     );
 
@@ -244,6 +322,11 @@ fn bad_worker(found: &mut Outcome) -> Result<(), Failed> {
             None => now += at(1.0),
         }
     }
-    found.at_most("suspension of one that is alone", suspended, "s", 60.0);
+    outcome.at_most(
+        "suspension of a worker without others",
+        suspended,
+        "s",
+        60.0,
+    );
     Ok(())
 }

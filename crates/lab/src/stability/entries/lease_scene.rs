@@ -7,7 +7,7 @@ use ledger::{
     Unit, WorkerId,
 };
 
-use crate::stability::outcome::{Failed, Outcome, variant};
+use crate::stability::outcome::{EntryError, Outcome, variant};
 
 pub(super) const LEASE: Duration = Duration::from_secs(30);
 
@@ -29,8 +29,8 @@ pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> StreamD
     }
 }
 
-/// A ledger that needs `samples` samples of each design, with these workers; each lease has one
-/// design.
+/// A ledger with a demand of `samples` samples for each design and with these workers of one slot.
+/// Each lease has one design.
 pub(super) fn ledger(designs: u32, samples: u32, workers: &[WorkerId]) -> Ledger<()> {
     let options = Options {
         bundle: false,
@@ -63,7 +63,7 @@ pub(super) fn lease(
     ledger: &mut Ledger<()>,
     worker: &WorkerId,
     now: Duration,
-) -> Result<Grant<()>, Failed> {
+) -> Result<Grant<()>, EntryError> {
     Ok(ledger.lease(worker, now).ok_or("nothing was leased")?)
 }
 
@@ -91,7 +91,7 @@ pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
     }
 }
 
-/// Sends a heartbeat for a lease that has begun. Returns the leases that are no longer needed.
+/// Sends a heartbeat for a lease that has begun. Returns the cancelled leases.
 pub(super) fn beat(
     ledger: &mut Ledger<()>,
     worker: &WorkerId,
@@ -101,16 +101,21 @@ pub(super) fn beat(
     ledger.heartbeat(worker, &[(id, true)], now)
 }
 
-/// Records leases that expired after their job had started.
-pub(super) fn vanished(found: &mut Outcome, vanished: &[Crash]) {
-    if let Some(one) = vanished.first() {
-        found.named(variant(one));
+/// Whether every sample that was demanded is stored.
+pub(super) fn is_settled(ledger: &Ledger<()>) -> bool {
+    ledger.is_idle() && !ledger.has_work()
+}
+
+/// Records crashes: leases that expired after their job had started.
+pub(super) fn crashed(outcome: &mut Outcome, crashes: &[Crash]) {
+    if let Some(crash) = crashes.first() {
+        outcome.named(variant(crash));
     }
 }
 
-/// Records the answers of the coordinator to `coordinator explain`.
-pub(super) fn explained(found: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
+/// Records what `coordinator explain` would print.
+pub(super) fn explained(outcome: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
     for explanation in ledger.explain(now) {
-        found.detected(variant(&explanation), &explanation);
+        outcome.detected(variant(&explanation), &explanation);
     }
 }

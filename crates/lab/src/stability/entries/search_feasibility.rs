@@ -4,103 +4,103 @@ use campaign::formulation::Problem;
 use campaign::optimise;
 use campaign::task::Run as CampaignRun;
 use campaign::{Approach, Campaign};
-use cmaes::{Bounds, CmaEs, Evaluation, Options, RunOptions, minimise_run};
+use cmaes::{Bounds, Cause, Evaluation, RunOptions, Stop, minimise_run};
+use rand::RngExt as _;
 use results::report::Scale;
 
-use super::search_scene::{FROM_BEST, median, rng, run, sphere, stops};
-use crate::stability::outcome::{Failed, Outcome};
+use super::search_scene::{FROM_BEST, Search, rng, run, sphere, stops, ten_candidates};
+use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
+use crate::summary::median;
 
 pub(super) const ENTRIES: [Entry; 5] = [
     Entry {
         id: "search-edge",
-        title: "An optimum on the edge of what is feasible",
-        input: "The sphere around 0 of which only x₁ ≥ 1 is feasible, 6 variables, 11 seeds",
-        instead: "Feasible candidates rank first, so no penalty weight is needed; the best feasible one is kept.",
+        title: "An optimum on a constraint",
+        input: "The sphere around 0 in 6 and 11 variables, feasible only where x₁ ≥ 1, from 11 random starts",
+        instead: "Feasible candidates rank before all others, so no penalty weight is needed.",
         check: edge,
         ..Entry::blank(Method::Search)
     },
     Entry {
         id: "search-thin-feasible",
-        title: "A feasible set that is thin",
+        title: "A thin feasible set",
         input: "The sphere around (0.7, …) in 4 variables, feasible only where |x₁ − x₂| is below 1e-2, 1e-4, 1e-6",
-        instead: "The search first minimises the violation and then creeps along the band; the thinner the band, the \
-                  further it ends from the optimum.",
+        instead: "The search minimises the violation first and then moves slowly along the band. The thinner the band, the \
+                  further from the optimum it ends.",
         check: thin,
         ..Entry::blank(Method::Search)
     },
     Entry {
         id: "search-nothing-feasible",
-        title: "Nothing is feasible",
+        title: "No feasible design",
         input: "A violation of at least 0.5 everywhere in 3 variables",
-        instead: "The design of the least violation is returned with that violation, so that it cannot pass for \
-                  feasible.",
+        instead: "The design of least violation is returned together with its violation, which marks it as infeasible.",
         check: nothing_feasible,
         ..Entry::blank(Method::Search)
     },
     Entry {
         id: "search-penalty",
-        title: "A static penalty that ends infeasible",
+        title: "A penalty weight that is too small",
         input: "The paper’s campaign with a penalty weight of 1e-3, 400 evaluations of the approach with Archard’s \
                 wear",
-        instead: "A run whose penalised winner breaks a constraint goes on with feasibility-first ranking, without a \
-                  weight, until it ends on a design that breaks none.",
+        instead: "When the penalised optimum breaks a constraint, the run continues with feasible designs ranked first, \
+                  without a weight, until its best design is feasible.",
         check: penalty,
         ..Entry::blank(Method::Search)
     },
     Entry {
         id: "search-failures",
         title: "Designs that cannot be evaluated",
-        input: "NaN in every second stripe of the box, and NaN everywhere",
-        instead: "A failed candidate ranks last. Where all fail, the run ends with an error after its budget.",
+        input: "NaN in every second stripe of the box; NaN or ∞ in the third of the box next to the optimum, everywhere, \
+                and everywhere outside a small basin far from the start",
+        instead: "A failed candidate ranks last. A search stops when all candidates of a window of generations failed, and \
+                  the next one starts from a random point. If every evaluation of the budget fails, the run ends with an \
+                  error.",
         check: failures,
         ..Entry::blank(Method::Search)
     },
 ];
 
-fn edge(found: &mut Outcome) -> Result<(), Failed> {
-    let bounds = Bounds::new(vec![(-5.0, 5.0); 6])?;
-    let (mut errors, mut curve) = (Vec::new(), Vec::new());
-    for seed in 0..11 {
-        let options = RunOptions {
-            search: Options::new(bounds.clone()),
-            evaluations: 4000,
-            restarts: FROM_BEST,
-            restart_at: None,
-        };
-        let run = minimise_run(&[4.0; 6], options, &mut rng(seed), &mut |x: &[f64]| {
-            Evaluation {
+fn edge(outcome: &mut Outcome) -> Result<(), EntryError> {
+    for (name, d, budget) in [("6 variables", 6, 4000), ("11 variables", 11, 9000)] {
+        let bounds = Bounds::new(vec![(-5.0, 5.0); d])?;
+        let mut needed = Vec::new();
+        for seed in 0..11 {
+            let mut random = rng(100 + seed);
+            let start: Vec<f64> = (0..d).map(|_| random.random_range(-5.0..5.0)).collect();
+            let half_space = |x: &[f64]| Evaluation {
                 value: sphere(x, 0.0),
                 violation: (1.0 - x[0]).max(0.0),
+            };
+            let options = ten_candidates(bounds.clone());
+            let search = Search::run(&start, options, budget, seed, half_space)?;
+            needed.push(search.evaluations_to(1.0 + 1e-9));
+            outcome.holds("every search ends feasible", search.best().is_feasible());
+            if seed == 0 && d == 6 {
+                let feasible = search.history.iter().filter(|(_, best)| best.is_feasible());
+                let curve = feasible.map(|(at, best)| [*at as f64, best.value - 1.0]);
+                outcome.chart(
+                    "Best feasible value at the edge",
+                    ("evaluations", Scale::Linear),
+                    ("distance to the minimum", Scale::Log),
+                    vec![("one seed", curve.collect())],
+                );
             }
-        })?;
-        found.holds("every seed ends feasible", run.violation <= 0.0);
-        if seed == 0 {
-            let feasible = run.history.iter().filter(|(_, e)| e.is_feasible());
-            curve = feasible
-                .map(|(at, e)| [*at as f64, e.value - 1.0])
-                .collect();
         }
-        errors.push(run.value - 1.0);
+        let most = needed.iter().copied().fold(0.0, f64::max);
+        outcome.at_most(
+            &format!("evaluations to 1e-9 from the minimum, {name}, worst seed"),
+            most,
+            "",
+            budget as f64,
+        );
+        outcome.figure(&format!("median of these, {name}"), median(&needed), "");
     }
-    let worst = errors.iter().copied().fold(0.0, f64::max);
-    found.at_most(
-        "largest distance to the minimum of 11 seeds",
-        worst,
-        "",
-        1e-9,
-    );
-    found.figure("median distance to the minimum", median(errors), "");
-    found.chart(
-        "Best feasible value at the edge",
-        ("evaluations", Scale::Linear),
-        ("distance to the minimum", Scale::Log),
-        vec![("one seed", curve)],
-    );
     Ok(())
 }
 
-fn thin(found: &mut Outcome) -> Result<(), Failed> {
+fn thin(outcome: &mut Outcome) -> Result<(), EntryError> {
     // On the band x₁ = x₂ = t the least of 2 (t − 0.55)² + …; far from the start.
     for (width, limit) in [(1e-2, 1e-3), (1e-4, 0.1), (1e-6, 0.2)] {
         let mut values = Vec::new();
@@ -116,15 +116,15 @@ fn thin(found: &mut Outcome) -> Result<(), Failed> {
             feasible += u32::from(run.violation <= 0.0);
             values.push(run.value);
         }
-        found.at_least(
+        outcome.at_least(
             &format!("seeds that end feasible, band of {width:e}"),
             f64::from(feasible),
             "of 11",
             11.0,
         );
-        found.at_most(
+        outcome.at_most(
             &format!("median distance to the minimum, band of {width:e}"),
-            median(values),
+            median(&values),
             "",
             limit,
         );
@@ -132,26 +132,26 @@ fn thin(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn nothing_feasible(found: &mut Outcome) -> Result<(), Failed> {
+fn nothing_feasible(outcome: &mut Outcome) -> Result<(), EntryError> {
     let run = run(3, 1500, FROM_BEST, 0, |x| Evaluation {
         value: -x[0],
         violation: 0.5 + sphere(x, 0.4),
     })?;
-    stops(found, &run, &["ValueTolerance"]);
-    found.at_most(
+    stops(outcome, &run, &["ValueTolerance"]);
+    outcome.at_most(
         "violation above the least one",
         run.violation - 0.5,
         "",
         1e-9,
     );
-    found.holds(
-        "the outcome carries a violation above 0",
+    outcome.holds(
+        "the design is returned with its violation",
         run.violation > 0.0,
     );
     Ok(())
 }
 
-fn penalty(found: &mut Outcome) -> Result<(), Failed> {
+fn penalty(outcome: &mut Outcome) -> Result<(), EntryError> {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER)?;
     campaign.optimise.evaluations = 400;
     campaign.optimise.restart_at = Some(200);
@@ -169,26 +169,26 @@ fn penalty(found: &mut Outcome) -> Result<(), Failed> {
     };
     let result = optimise::run(&problem, &run)?;
     let printed = result.printed.ok_or("the penalised part found nothing")?;
-    found.holds(
+    outcome.holds(
         "the penalised winner breaks a constraint",
         !printed.feasible,
     );
     for constraint in problem.constraints(&printed.criteria) {
         if !constraint.holds() {
-            found.detected(constraint.name.to_string(), &constraint);
+            outcome.detected(constraint.name.to_string(), &constraint);
         }
     }
-    found.figure("criterion of the penalised winner", printed.criterion, "µm");
-    found.at_least("continuations", f64::from(result.continuations), "", 1.0);
+    outcome.figure("criterion of the penalised winner", printed.criterion, "µm");
+    outcome.at_least("continuations", f64::from(result.continuations), "", 1.0);
     let best = result.best.ok_or("the run found no feasible design")?;
-    found.at_most(
+    outcome.at_most(
         "violation of the final design",
         problem.violation(&best.criteria),
         "",
         0.0,
     );
-    found.figure("criterion of the final design", best.criterion, "µm");
-    found.figure(
+    outcome.figure("criterion of the final design", best.criterion, "µm");
+    outcome.figure(
         "evaluations, continuations included",
         result.evaluations as f64,
         "",
@@ -196,7 +196,7 @@ fn penalty(found: &mut Outcome) -> Result<(), Failed> {
     Ok(())
 }
 
-fn failures(found: &mut Outcome) -> Result<(), Failed> {
+fn failures(outcome: &mut Outcome) -> Result<(), EntryError> {
     let striped = run(3, 3000, FROM_BEST, 0, |x| {
         if (10.0 * x[0]) as u32 % 2 == 1 {
             f64::NAN
@@ -204,15 +204,53 @@ fn failures(found: &mut Outcome) -> Result<(), Failed> {
             sphere(x, 0.25)
         }
     })?;
-    found.at_most("value reached among the stripes", striped.value, "", 1e-9);
-    let all = run(3, 3000, FROM_BEST, 0, |_| f64::NAN);
-    found.refused(all, "NothingUsable");
-    let mut search = CmaEs::new(&[0.5; 3], Options::new(Bounds::unit(3)?))?;
-    let mut random = rng(1);
-    while search.stop().is_none() && search.generation() < 1000 {
-        let count = search.ask(&mut random).len();
-        search.tell(&vec![f64::NAN; count])?;
+    outcome.at_most("value reached among the stripes", striped.value, "", 1e-9);
+    for failure in [f64::NAN, f64::INFINITY] {
+        let beside = |x: &[f64]| {
+            if x[0] < 1.0 / 3.0 {
+                failure
+            } else {
+                sphere(x, 0.0)
+            }
+        };
+        let options = ten_candidates(Bounds::unit(6)?);
+        let search = Search::run(&[0.9; 6], options.clone(), 6000, 1, beside)?;
+        outcome.at_most(
+            &format!("distance to the best value beside {failure}"),
+            (search.best().value - 1.0 / 9.0).abs(),
+            "",
+            1e-6,
+        );
+        let search = Search::run(&[0.3; 6], options, 10_000, 1, |_| failure)?.cma_es;
+        outcome.warned(&search.stop(), &["AllFailed"]);
+        // 10 + 30 d/λ generations.
+        let is_in_time = search.stop() == Some(Stop::AllFailed { generations: 28 });
+        outcome.holds(
+            "a search of 10 candidates stops after 28 generations",
+            is_in_time,
+        );
+        let is_unchanged = search.mean() == [0.3; 6] && search.step() == 0.3;
+        outcome.holds("its mean and step are unchanged", is_unchanged);
+        outcome.holds("it returns no design", search.best().is_none());
     }
-    found.warned(&search.stop(), &["AllFailed"]);
+    let nowhere = run(3, 3000, FROM_BEST, 0, |_| f64::NAN);
+    outcome.refused_with(nowhere, "NothingUsable", "all 3000 designs");
+    let options = RunOptions {
+        search: ten_candidates(Bounds::unit(2)?),
+        evaluations: 12_000,
+        restarts: FROM_BEST,
+        restart_at: Some(6000),
+    };
+    let mut island = |x: &[f64]| {
+        let distance = sphere(x, 0.95).sqrt();
+        if distance < 0.04 { distance } else { f64::NAN }
+    };
+    let reached = minimise_run(&[0.0; 2], options, &mut rng(1), &mut island)?;
+    outcome.at_most("value reached in the small basin", reached.value, "", 1e-6);
+    let first = reached.restarts[0];
+    outcome.holds(
+        "the search from the start finds nothing",
+        matches!(first.cause, Cause::Stopped(Stop::AllFailed { .. })) && first.best.is_none(),
+    );
     Ok(())
 }
