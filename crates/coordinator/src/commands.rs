@@ -12,7 +12,7 @@ use campaign::formulation::Problem;
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;
-use results::{comparing, export, pair_file, reporting, status};
+use results::{comparison, export, pair_file, report, status};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::coordinator::serving::Port;
@@ -301,12 +301,8 @@ async fn write_report(arguments: arguments::Report) -> Result<u8, ProgramError> 
     let row = store.campaign().await?;
     let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
     OutputFolder(&arguments.out).require_own_report(&[campaign.lineage()])?;
-    let report = reporting::write(
-        &store,
-        &arguments.out,
-        &runner::coordinator::provenance::labels(),
-    )
-    .await?;
+    let labels = runner::coordinator::provenance::labels();
+    let report = report::write(&store, &arguments.out, &labels).await?;
     print(&format!("{}\n", report.display()))?;
     Ok(exit::OK)
 }
@@ -333,7 +329,7 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
 
 async fn compare(arguments: arguments::Compare) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
-    let compared = comparing::compare(&store).await?;
+    let compared = comparison::compare(&store).await?;
     print_either(arguments.json, &compared.summary(), || compared.page())?;
     Ok(exit::OK)
 }

@@ -129,7 +129,7 @@ fn step(status: &Status) -> Step {
 fn pace(live: Option<&Live>) -> String {
     let rate = live.map_or_else(
         || "samples".to_owned(),
-        |live| results::describing::rate(live.samples_per_second),
+        |live| results::number::rate(live.samples_per_second),
     );
     format!("{rate}{}", to_go(live))
 }

@@ -9,14 +9,15 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let page = arguments
         .next()
         .ok_or("give the path of the page to write")?;
-    let mut results = data::plausible();
-    results.header.campaign = "Demonstration with synthetic data".to_owned();
-    std::fs::write(page, results::report::render(&results)?.html)?;
+    let mut report = data::plausible();
+    report.snapshot.campaign.name = "Demonstration with synthetic data".to_owned();
+    std::fs::write(page, results::report::render(&report)?.html)?;
     if let Some(picture) = arguments.next() {
-        let gears = results.gears.as_ref().ok_or("no gears")?;
+        let gears = report.gears.as_ref().ok_or("no gears")?;
         let illustration = gears.illustrations.values().next_back();
         let drawing = &illustration.ok_or("no drawing")?.drawing;
-        std::fs::write(picture, results::report::chart_gears(drawing)?)?;
+        let chart = results::report::charts::gears(drawing)?;
+        std::fs::write(picture, chart.standalone())?;
     }
     Ok(())
 }

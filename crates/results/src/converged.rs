@@ -1,4 +1,4 @@
-//! Whether an optimum is one of the grid: its percentile on the converged grid.
+//! The error of the campaign's grid: an optimum's percentile on the converged grid.
 
 use campaign::Design;
 use campaign::formulation::Problem;
@@ -11,8 +11,8 @@ const SAMPLES: u64 = 100;
 /// Relative change of ΔSTE at which a grid counts as converged.
 const TOLERANCE: f64 = 1e-5;
 
-/// The percentile on the converged grid less that on the campaign's grid, µm. None if the built-in model cannot
-/// simulate the design, or is not what simulates the campaign.
+/// The percentile on the converged grid less that on the campaign's grid, µm. `None` if the built-in model cannot
+/// simulate the design, and for an external simulator.
 pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let built_in = !problem.campaign().is_external();
     let gears = problem.gears().filter(|_| built_in)?;
@@ -39,7 +39,6 @@ mod tests {
 
     use super::*;
 
-    /// On a grid twice as fine in both directions something changes, but little.
     #[test]
     fn the_campaigns_grid_is_close_to_the_converged_one() {
         let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();

@@ -1,4 +1,4 @@
-//! What the stages of a campaign cost.
+//! Wall and CPU time of the stages.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,18 +9,17 @@ use stages::fitting::ModelSummary;
 use stages::stage::Stage;
 use store::{JobTimeRow, ModelRow, StageTimeRow, Store};
 
-/// What one stage cost.
+/// Wall and CPU time of a stage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageCost {
-    /// The stage.
     pub stage: Stage,
-    /// How long the campaign waited for it, s; NaN if that is not known.
+    /// Time that the campaign waited for the stage, s; NaN if unknown.
     pub wall_seconds: f64,
-    /// CPU time, s, summed over the workers; NaN if that is not known.
+    /// CPU time, s, summed over the workers; NaN if unknown.
     pub cpu_seconds: f64,
 }
 
-/// What the store says of times.
+/// The times in a store.
 pub(crate) struct Times {
     /// CPU time by unit.
     pub(crate) jobs: Vec<JobTimeRow>,
@@ -54,7 +53,7 @@ impl Times {
         })
     }
 
-    /// Wall and CPU time of each stage, in their order; what is not known is NaN.
+    /// Wall and CPU time of each stage, in their order.
     pub(crate) fn stages(&self) -> Vec<StageCost> {
         let mut kinds: BTreeMap<_, f64> = BTreeMap::new();
         for time in &self.jobs {
@@ -84,7 +83,7 @@ impl Times {
     }
 }
 
-/// How long a stage took; `None` before it began.
+/// Wall time of a stage, s; `None` before it began.
 pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: Stage) -> Option<f64> {
     let time = times.iter().find(|time| time.stage == stage.name());
     time.map(|time| time.wall_seconds)

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use stages::optima::NoOptimum;
 
+use crate::number::{estimate, rate, with_unit};
 use crate::running::{Live, Worker};
-use crate::status::{Enrichment, FailureGroup, Progress, Status};
+use crate::status::{EnrichmentStatus, FailureGroup, Progress, Status};
 
 /// The status for people.
 #[must_use]
@@ -63,7 +64,7 @@ pub fn describe(status: &Status) -> String {
         );
     }
     if let Some(enrichment) = &status.enrichment {
-        let Enrichment {
+        let EnrichmentStatus {
             round,
             samples,
             points,
@@ -91,28 +92,35 @@ pub fn describe(status: &Status) -> String {
             (Some(NoOptimum::NoModel), _) => format!("no model ({})", optimum.note),
             (Some(none), _) => none.to_string(),
             (None, None) => "no feasible design".to_owned(),
-            (None, Some(value)) => format!("{value:.4} {}", status.unit).trim_end().to_owned(),
+            (None, Some(value)) => with_unit(value, 4, &status.unit),
         };
         let Progress { done, wanted } = &optimum.verified;
         let verified = match &optimum.percentile {
             Some(found) => {
-                let interval = found.low.zip(found.high).map_or_else(
-                    || " without an interval (too few)".to_owned(),
-                    |(low, high)| format!(" [{low:.4}; {high:.4}]"),
-                );
-                let (name, value) = (&status.percentile, found.value);
-                let ends = optimum
+                let ends = found.low.zip(found.high);
+                let percentile = estimate(found.value, ends, "");
+                let interval = match ends {
+                    Some(_) => "",
+                    None => " without an interval (too few)",
+                };
+                let difference = optimum
                     .behind
                     .as_ref()
-                    .and_then(|behind| behind.low.zip(behind.high));
-                let behind = match ends {
-                    Some((low, high)) if low <= 0.0 => {
-                        format!(", not told apart from the best: {low:.4} to {high:.4} worse")
+                    .and_then(|behind| Some((behind.value, behind.low.zip(behind.high)?)));
+                let behind = match difference {
+                    Some((value, ends)) => {
+                        let worse = estimate(value, Some(ends), "");
+                        match ends {
+                            (low, _) if low <= 0.0 => {
+                                format!(", not told apart from the best: {worse} worse")
+                            }
+                            _ => format!(", {worse} worse than the best"),
+                        }
                     }
-                    Some((low, high)) => format!(", {low:.4} to {high:.4} worse than the best"),
                     None => String::new(),
                 };
-                format!(", {name} {value:.4}{interval} by {done} verification samples{behind}")
+                let name = &status.percentile;
+                format!(", {name} {percentile}{interval} by {done} verification samples{behind}")
             }
             None if *wanted == 0 => String::new(),
             None => format!(", {done} of {wanted} verification samples"),
@@ -183,26 +191,5 @@ fn describe_live(live: &Live, text: &mut String) {
              failed, {}, heard of {silent_seconds:.1} s ago{aside}",
             rate(*samples_per_second)
         );
-    }
-}
-
-/// A rate for people.
-#[must_use]
-pub fn rate(per_second: f64) -> String {
-    match per_second {
-        r if r >= 10.0 || r <= 0.0 => format!("{r:.0} samples per second"),
-        r if r >= 0.1 => format!("{r:.2} samples per second"),
-        r => format!("{:.1} samples per hour", 3600.0 * r),
-    }
-}
-
-/// A length of time for people.
-#[must_use]
-pub fn span(seconds: f64) -> String {
-    match seconds {
-        s if s < 90.0 => format!("{s:.0} s"),
-        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
-        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
-        s => format!("{:.1} d", s / 86_400.0),
     }
 }

@@ -1,4 +1,4 @@
-//! What makes the results of an external program doubtful: seeds that it ignores, failures that are results.
+//! Reasons to doubt the results of an external program: ignored seeds, and failed evaluations.
 
 use campaign::Approach;
 use campaign::file::FailedSamples;
@@ -77,9 +77,9 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     Ok(doubts)
 }
 
-/// The doubt about a program none of whose samples depends on its seed.
+/// The doubt about a program whose samples do not depend on its seed.
 fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
-    // The mean of equal numbers is rounded, and so is their standard deviation.
+    // Rounding leaves a small standard deviation of equal numbers.
     let is_constant = |row: &ResponseRow| row.standard_deviation <= 1e-12 * row.mean.abs();
     let is_suspicious = !responses.is_empty() && responses.iter().all(is_constant);
     is_suspicious.then(|| {

@@ -61,7 +61,7 @@ pub async fn write(
     let problem = &snapshot::problem(store).await?;
     let name = table.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
-    let out = Out { out, format, name };
+    let out = Destination { out, format, name };
     match table {
         Table::Model => Ok(()),
         Table::Designs => designs::write(store, problem, out).await,
@@ -76,14 +76,14 @@ pub async fn write(
     }
 }
 
-/// Where a table goes, and in which form.
-struct Out<'a, W: Write + Send> {
+/// The output of a table with its form.
+struct Destination<'a, W: Write + Send> {
     out: W,
     format: Format,
     name: &'a str,
 }
 
-impl<W: Write + Send> Out<'_, W> {
+impl<W: Write + Send> Destination<'_, W> {
     /// Begins a table with these columns.
     fn table(self, columns: Vec<Column>) -> anyhow::Result<TableWriter<W>> {
         TableWriter::new(self.out, self.format, self.name, columns)
@@ -120,7 +120,7 @@ fn statistic(problem: &Problem, what: &str) -> Column {
 /// A column of a variable, a response or a criterion.
 fn quantity(quantity: &Quantity) -> Column {
     let unit = match &*quantity.unit {
-        // Names of gears end in their unit.
+        // The names of a gear's variables end in their unit.
         "" => modelling::Quantity::new(&quantity.name)
             .unit
             .unwrap_or_default(),
@@ -151,7 +151,7 @@ fn numbers(values: Option<&[f64]>, count: usize) -> Vec<Cell> {
     }
 }
 
-async fn failures<W: Write + Send>(store: &Store, out: Out<'_, W>) -> anyhow::Result<()> {
+async fn failures<W: Write + Send>(store: &Store, out: Destination<'_, W>) -> anyhow::Result<()> {
     let mut out = out.table(vec![
         Column::text("job"),
         Column::whole("lease"),
@@ -175,7 +175,7 @@ async fn failures<W: Write + Send>(store: &Store, out: Out<'_, W>) -> anyhow::Re
 async fn samples<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let mut out = out.table(vec![
         Column::whole("design"),
@@ -195,7 +195,7 @@ async fn samples<W: Write + Send>(
 async fn responses<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let mut columns = vec![Column::whole("design")];
     columns.extend(["mean", "sd", "{p}", "{p}_variance"].map(|what| statistic(problem, what)));
@@ -217,7 +217,7 @@ async fn responses<W: Write + Send>(
 async fn leave_one_out<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let mut columns = vec![Column::whole("design")];
     columns.extend(["observed", "predicted"].map(|what| statistic(problem, what)));
@@ -240,7 +240,7 @@ async fn leave_one_out<W: Write + Send>(
 async fn rounds<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let counts = ["round", "points", "samples", "failed", "ruled_out"];
     let mut columns: Vec<Column> = counts.map(Column::whole).to_vec();
@@ -286,7 +286,7 @@ async fn rounds<W: Write + Send>(
 async fn infill<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let mut columns = vec![
         Column::text("point"),
@@ -325,7 +325,7 @@ async fn infill<W: Write + Send>(
 async fn optima<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let (variables, criteria) = (problem.variables(), problem.criteria());
     let mut columns = vec![Column::text("approach")];

@@ -11,17 +11,16 @@ use store::Store;
 /// An optimum with its verification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifiedOptimum {
-    /// The optimum.
     pub optimum: Optimum,
-    /// Its constraints; empty without a design.
+    /// Empty without a design.
     pub constraints: Vec<Constraint>,
-    /// Its verification samples, as far as the store holds them; `None` without a design.
+    /// The verification samples in the store; `None` without a design.
     pub verification: Option<Verification>,
     /// The verified percentile with its 95 % interval; `None` until all samples are there.
     pub percentile: Option<OrderStatistic>,
-    /// How far its percentile is worse than that of the recommended optimum, in the unit of the response and
-    /// not negative but for the interval, from samples with the same random numbers. `None` for the
-    /// recommended optimum, for one that is not ranked, and where the samples are too few for an interval.
+    /// The difference of the percentile from that of the recommended optimum, positive if worse, from samples with
+    /// the same random numbers. `None` for the recommended optimum, for one that is not ranked, and if the samples
+    /// are too few for an interval.
     pub behind: Option<OrderStatistic>,
 }
 
@@ -124,14 +123,13 @@ impl Optima {
     }
 }
 
-/// Whether an approach moves the variables that the DoE moves, so that its design can be compared with those
-/// of the others.
+/// Whether an approach moves the variables that the DoE moves, so that its design is comparable with the others'.
 #[must_use]
 pub fn is_ranked(problem: &Problem, approach: Approach) -> bool {
     problem.dimension_of(approach) == problem.dimension()
 }
 
-/// How far the percentile of `samples` is worse than that of `best`.
+/// The difference between the percentiles of `samples` and `best`, positive if `best` is better.
 fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<OrderStatistic> {
     let difference = problem.campaign().sampling.difference(samples, best)?;
     let as_cost = |(low, high)| {

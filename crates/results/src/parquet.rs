@@ -27,7 +27,7 @@ pub(crate) struct ParquetWriter<W: Write + Send> {
     rows: usize,
 }
 
-/// The values of a column that are not written yet; a number that is missing is none.
+/// The unwritten values of a column; a missing number is `None`.
 enum Values {
     Text(Vec<ByteArray>),
     Whole(Vec<Option<i64>>),
@@ -63,7 +63,6 @@ impl<W: Write + Send> ParquetWriter<W> {
         })
     }
 
-    /// Writes a row.
     pub(crate) fn write(&mut self, row: &[Cell]) -> anyhow::Result<()> {
         for (values, cell) in self.columns.iter_mut().zip(row) {
             values.push(cell)?;
@@ -75,7 +74,6 @@ impl<W: Write + Send> ParquetWriter<W> {
         Ok(())
     }
 
-    /// Ends the table.
     pub(crate) fn finish(mut self) -> anyhow::Result<()> {
         if self.rows > 0 {
             self.write_group()?;

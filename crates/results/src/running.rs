@@ -1,4 +1,4 @@
-//! What only a running coordinator knows.
+//! The state of a running coordinator, as the status shows it.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -7,18 +7,18 @@ use ledger::{Counts, Kind, WorkerStatus};
 use serde::{Deserialize, Serialize};
 use stages::searching::Progress;
 
-use crate::describing::span;
+use crate::number::duration;
 
 /// The deviate of a two-sided 95 % interval.
 const Z95: f64 = 1.96;
 
-/// After this long without a word, a worker is taken not to help any more.
+/// Silence after which a worker no longer counts for the time to go.
 const GONE: Duration = Duration::from_secs(15);
 
 /// A rate with its 95 % interval.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Pace {
-    /// Samples or evaluations per second, lately.
+    /// Recent samples or evaluations per second.
     pub per_second: f64,
     /// The interval is from `per_second / factor` to `per_second * factor`; none while too little is
     /// known.
@@ -32,7 +32,7 @@ impl Pace {
         Self { per_second, factor }
     }
 
-    /// How long so many take, a number with this standard error; none while too little is known.
+    /// The time for `count`, whose standard error is `error`; `None` without an interval of the rate.
     fn span(self, count: f64, error: f64) -> Option<Span> {
         let factor = self.factor.filter(|_| self.per_second > 0.0)?;
         // Relative errors add up as logarithms.
@@ -60,93 +60,88 @@ impl Paces {
         self.0.get(&kind).copied().unwrap_or_default()
     }
 
-    /// Samples stored per second, lately, those of designs and those of points.
+    /// Samples of designs and points stored per second, at the recent rate.
     #[must_use]
     pub fn samples_per_second(&self) -> f64 {
         self.of(Kind::Design).per_second + self.of(Kind::Point).per_second
     }
 }
 
-/// How long the runs of optimisers took that ended lately, in seconds.
+/// Durations of the recent runs of optimisers, s.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunSeconds {
-    /// Their mean.
     pub mean: f64,
-    /// The shortest.
     pub shortest: f64,
-    /// The longest.
     pub longest: f64,
 }
 
 /// The state of a running coordinator at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Running {
-    /// The registered workers, each with the samples per second that it delivered lately.
+    /// The registered workers, each with its recent samples per second.
     pub workers: Vec<(WorkerStatus, f64)>,
-    /// When this was so.
+    /// The time of this state, on the workers' clock.
     pub now: Duration,
     /// Streams and leases by state.
     pub counts: Counts,
     /// The rates at which results come.
     pub paces: Paces,
-    /// What a run of an optimiser takes, once one has ended.
+    /// Durations of runs of optimisers; `None` until one has ended.
     pub run_seconds: Option<RunSeconds>,
-    /// How far the searches on an external simulator are; none where workers compute whole runs.
+    /// Progress of the searches on an external simulator; empty if workers compute whole runs.
     pub searches: Vec<Progress>,
     /// Whether leasing was stopped.
     pub is_draining: bool,
 }
 
-/// What the status shows of a running coordinator.
+/// The running coordinator in the status.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Live {
-    /// Designs, points and runs that wait; leases that are out; leases that were delivered since the
-    /// start; designs, points and runs that were quarantined.
+    /// Waiting designs, points and runs.
     pub jobs_queued: u64,
-    /// See `jobs_queued`.
+    /// Leases held by workers.
     pub jobs_leased: u64,
-    /// See `jobs_queued`.
+    /// Leases reported since the start.
     pub jobs_done: u64,
-    /// See `jobs_queued`.
+    /// Quarantined designs, points and runs.
     pub jobs_quarantined: u64,
-    /// Samples stored per second, lately.
+    /// Samples stored per second, at the recent rate.
     pub samples_per_second: f64,
-    /// Seconds until the stage ends at the rate of late, while samples of the DoE, of a round of
+    /// Seconds until the stage ends at the recent rate, while samples of the DoE, of a round of
     /// infill or of the optima are taken or optimisers run; absent while too little is known.
     pub eta_seconds: Option<f64>,
     /// The 95 % interval of `eta_seconds`, from the scatter of the rate and of what is left; of runs of
-    /// optimisers the range from the shortest and the longest of late.
+    /// optimisers the range from the shortest and the longest recent one.
     pub eta_low_seconds: Option<f64>,
-    /// See `eta_low_seconds`.
+    /// The upper end of the interval.
     pub eta_high_seconds: Option<f64>,
     /// Whether leasing was stopped.
     pub draining: bool,
-    /// The workers.
     pub workers: Vec<Worker>,
 }
 
 /// A worker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Worker {
-    /// Where it runs.
+    /// The host's name.
     pub host: String,
-    /// How many leases it computes at once.
+    /// Number of leases that it computes at once.
     pub slots: u32,
     /// Leases that it holds.
     pub leased: u64,
     /// Leases that it delivered.
     pub completed: u64,
-    /// What failed on it or died with it.
+    /// Failed or lost evaluations.
     pub failed: u64,
     /// Seconds since it was heard of.
     pub silent_seconds: f64,
-    /// Whether it gets nothing for a while, having failed too many.
+    /// Whether it gets no leases for a while, after repeated failures.
     pub is_suspended: bool,
-    /// Samples per second that it delivered lately.
+    /// Recent samples per second.
     pub samples_per_second: f64,
 }
 
-/// What a stage lacks.
+/// The missing work of a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Backlog {
     /// So many samples or evaluations, with the standard error of that number.
@@ -164,7 +159,7 @@ struct Span {
 }
 
 impl Backlog {
-    /// How long it takes at the rate of late; none while too little is known, or with no slot to do it.
+    /// The time for it at the recent rate; `None` while too little is known, or without a slot.
     fn span(self, running: &Running, slots: f64) -> Option<Span> {
         match self {
             Self::Counted(kind, count, error) => running.paces.of(kind).span(count, error),
@@ -172,7 +167,7 @@ impl Backlog {
                 let took = running.run_seconds.filter(|_| slots > 0.0)?;
                 Some(Span {
                     seconds: runs * took.mean / slots,
-                    // Those that run may be about to end, or have just begun.
+                    // A run in progress may be about to end, or have just begun.
                     low: (runs - slots).max(0.0) / slots * took.shortest,
                     high: (runs / slots).ceil() * took.longest,
                 })
@@ -182,7 +177,7 @@ impl Backlog {
 }
 
 impl Live {
-    /// What the status shows of `running`. The time to go follows from what the stage lacks.
+    /// The status's part about `running`. The time to go follows from the missing work of the stage.
     #[must_use]
     pub fn of(running: Running, left: Option<Backlog>) -> Self {
         let silent_for = |seen: Duration| running.now.saturating_sub(seen);
@@ -217,13 +212,12 @@ impl Live {
         }
     }
 
-    /// The time to go with its interval for people, as in `12 min (10 min to 15 min)`; none while too
-    /// little is known.
+    /// The time to go with its interval, as in `12 min (10 min to 15 min)`; `None` while too little is known.
     #[must_use]
     pub fn time_to_go(&self) -> Option<String> {
-        let about = span(self.eta_seconds?);
+        let about = duration(self.eta_seconds?);
         let ends = self.eta_low_seconds.zip(self.eta_high_seconds);
-        let ends = ends.map(|(low, high)| (span(low), span(high)));
+        let ends = ends.map(|(low, high)| (duration(low), duration(high)));
         Some(match ends {
             Some((low, high)) if low != high => format!("{about} ({low} to {high})"),
             _ => about,

@@ -1,4 +1,4 @@
-//! What the store holds of a campaign, read as of one moment.
+//! The rows of a campaign, read as of one moment.
 
 use std::collections::BTreeMap;
 
@@ -7,6 +7,7 @@ use campaign::formulation::Problem;
 use gear::paper::printed::Place;
 use kriging::Surrogate;
 use ledger::StreamId;
+use stages::cost::{infill_calls, sampling_calls};
 use stages::fitting::{ModelSummary, latest_model};
 use store::{
     CampaignRow, CriteriaRow, DesignRow, FailureRow, InfillRow, OptimiserRunRow, ResponseRow,
@@ -15,17 +16,14 @@ use store::{
 
 use crate::costs::{StageCost, Times};
 use crate::doubts;
-use crate::optima::Optima;
+use crate::optima::{Optima, VerifiedOptimum};
 
-/// What the store holds of a campaign.
+/// The rows of a campaign, as of one moment.
 pub struct Snapshot {
-    /// The campaign.
     pub campaign: CampaignRow,
-    /// Its problem.
     pub problem: Problem,
-    /// The designs of the DoE.
     pub designs: Vec<DesignRow>,
-    /// What is known of the designs from the simulator.
+    /// Simulability and deterministic responses of the designs.
     pub criteria: Vec<CriteriaRow>,
     /// The responses of the designs that have a percentile.
     pub responses: Vec<ResponseRow>,
@@ -39,17 +37,14 @@ pub struct Snapshot {
     pub runs: Vec<OptimiserRunRow>,
     /// The summary of the kriging model, and the model.
     pub model: Option<(ModelSummary, Surrogate)>,
-    /// The infill points.
     pub infill: Vec<InfillRow>,
-    /// The rounds of the enrichment.
     pub rounds: Vec<RoundRow>,
     /// The verification samples of the paper's printed designs.
     pub printed: BTreeMap<Place, Vec<f64>>,
-    /// All failures.
     pub failures: Vec<FailureRow>,
     /// Wall and CPU time of each stage.
     pub costs: Vec<StageCost>,
-    /// What makes the results doubtful, in sentences.
+    /// Reasons to doubt the results, in sentences.
     pub doubts: Vec<String>,
 }
 
@@ -70,7 +65,7 @@ impl Snapshot {
             }
         }
         let mut responses = store.responses().await?;
-        // The others have no percentile.
+        // It is infinite if too many samples failed.
         responses.retain(|row| row.percentile.is_finite());
         let model = match latest_model(store).await? {
             Some(row) => Some((
@@ -97,6 +92,48 @@ impl Snapshot {
             doubts: doubts::of(store, &problem).await?,
             problem,
         })
+    }
+
+    /// The percentile's name: P90.
+    #[must_use]
+    pub fn percentile_name(&self) -> String {
+        self.problem.campaign().sampling.percentile_name()
+    }
+
+    /// Number of designs that the simulator gives numbers for.
+    #[must_use]
+    pub fn simulable(&self) -> u64 {
+        self.criteria.iter().filter(|row| row.simulable).count() as u64
+    }
+
+    /// The codes of the reasons why designs are not simulable, with the number of designs, the most frequent first.
+    #[must_use]
+    pub fn refusals(&self) -> Vec<(String, u64)> {
+        let mut reasons: BTreeMap<&str, u64> = BTreeMap::new();
+        let refused = self.criteria.iter().filter(|row| !row.simulable);
+        for reason in refused.filter_map(|row| row.reason.as_deref()) {
+            let code = reason.split(':').next().unwrap_or(reason);
+            *reasons.entry(code).or_default() += 1;
+        }
+        let reasons = reasons.into_iter();
+        let mut reasons: Vec<_> = reasons
+            .map(|(reason, count)| (reason.to_owned(), count))
+            .collect();
+        reasons.sort_by(|(a, m), (b, n)| n.cmp(m).then(a.cmp(b)));
+        reasons
+    }
+
+    /// Calls of the simulator in the whole campaign.
+    #[must_use]
+    pub fn simulator_calls(&self) -> u64 {
+        let sampling = sampling_calls(&self.criteria, self.samples);
+        // An approach that rests on the DoE counts its calls as its own; here they count once.
+        let optimising: u64 = self.runs.iter().map(|run| run.simulator_calls).sum();
+        let verified = self.optima.iter().map(VerifiedOptimum::samples);
+        let printed = self.printed.values().map(Vec::as_slice);
+        let verifying: usize = verified.chain(printed).map(<[f64]>::len).sum();
+        let enriching = infill_calls(&self.problem, &self.rounds, &self.infill);
+        sampling + optimising + enriching + verifying as u64
     }
 }
 

@@ -1,29 +1,22 @@
-//! How far a campaign is, read from its store.
+//! How far a campaign is.
+
+mod reading;
 
 use std::cmp::Ordering;
-use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::formulation::Problem;
-use ledger::{Kind, StreamId};
+use ledger::Kind;
 use serde::{Deserialize, Serialize};
-use stages::names;
 use stages::optima::NoOptimum;
 use stages::stage::Stage;
 use stats::OrderStatistic;
-use store::{SampleTally, Store};
 
-use crate::costs::{self, Times};
-use crate::doubts;
-use crate::optima::{Optima, VerifiedOptimum};
+pub use self::reading::read;
 use crate::running::{Backlog, Live, Running};
-use crate::snapshot;
 
-/// What `coordinator status --json` prints.
+/// The object that `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Status {
-    /// The version of this object.
     pub schema_version: u32,
-    /// The campaign's name.
     pub campaign: String,
     /// The digest of the campaign's content.
     pub campaign_digest: String,
@@ -31,20 +24,20 @@ pub struct Status {
     pub program_version: String,
     /// Whether every stage is done.
     pub finished: bool,
-    /// The first stage that is not.
+    /// The first unfinished stage.
     pub stage: Stage,
     /// Every stage of the campaign in order, with how far it is.
     pub stages: Vec<StageProgress>,
     /// Designs of the DoE: wanted, made, simulated or refused, and those that can be simulated.
-    pub designs: Designs,
+    pub designs: DesignCounts,
     /// Samples of the DoE.
-    pub samples: Samples,
+    pub samples: SampleCounts,
     /// The digest of all samples, whatever their order; see [`store::Store::samples_digest`].
     pub samples_digest: String,
-    /// The same of verification and infill samples; see [`store::Store::point_samples_digest`].
+    /// The digest of verification and infill samples; see [`store::Store::point_samples_digest`].
     pub point_samples_digest: String,
-    /// Whether the digests were compared with what the store held when it was opened; as recorded
-    /// otherwise.
+    /// Whether the digests were computed from the samples when the store was opened; otherwise they are those
+    /// on record.
     pub digests_checked: bool,
     /// Finished runs of optimisers and how many there will be.
     pub optimiser_runs: Progress,
@@ -54,43 +47,42 @@ pub struct Status {
     pub unfinished_runs: Vec<UnfinishedRun>,
     /// The rounds of infill; absent before the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub enrichment: Option<Enrichment>,
-    /// What the percentile is called that is minimised: P90.
+    pub enrichment: Option<EnrichmentStatus>,
+    /// Name of the minimised percentile, such as P90.
     pub percentile: String,
     /// The unit of the optima's criteria; empty for a number without one.
     pub unit: String,
     /// Chosen optima.
-    pub optima: Vec<Optimum>,
+    pub optima: Vec<OptimumStatus>,
     /// Failures on record.
     pub failures: u64,
-    /// The same, grouped by cause.
+    /// The failures grouped by cause.
     pub failure_groups: Vec<FailureGroup>,
-    /// What makes the results doubtful.
+    /// Reasons to doubt the results, in sentences.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// What only the running coordinator knows; absent when the store alone was asked.
+    /// The running coordinator; absent when the store alone was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub live: Option<Live>,
 }
 
-/// How far one stage is.
+/// The progress of one stage.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageProgress {
-    /// Which one.
+    /// The stage.
     pub name: Stage,
-    /// `done`, `current` or `ahead`. What needs no samples, such as runs of an optimiser on a
+    /// `done`, `current` or `ahead`. Work that needs no samples, such as runs of an optimiser on a
     /// deterministic criterion, is done before its stage is the current one.
     pub state: String,
-    /// How much is done.
     pub done: u64,
-    /// How much there will be, as far as that is known.
+    /// The amount of work, as far as it is known.
     pub wanted: u64,
-    /// What is counted.
+    /// The unit of `done` and `wanted`.
     pub of: String,
-    /// How long the campaign has waited for it, in seconds; absent before it begins.
+    /// Seconds that the campaign has waited for the stage; absent before it begins.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wall_seconds: Option<f64>,
-    /// CPU time in seconds, once the campaign is finished.
+    /// CPU time, s; absent until the campaign is finished.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu_seconds: Option<f64>,
 }
@@ -100,81 +92,76 @@ pub struct StageProgress {
 pub struct FailureGroup {
     /// `crash`, `failure` or `quarantine`.
     pub kind: String,
-    /// What they have in common.
     pub cause: String,
-    /// How many.
     pub count: u64,
-    /// The last one's message.
+    /// The message of the last one.
     pub last_error: String,
-    /// The last one's job.
+    /// The job of the last one.
     pub last_job: String,
 }
 
 /// Counts of designs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Designs {
-    /// n.
+pub struct DesignCounts {
     pub wanted: u64,
-    /// Points in the store.
+    /// Designs in the store.
     pub made: u64,
     /// Designs whose criteria are stored.
     pub done: u64,
-    /// Those of them that could be simulated.
+    /// Simulable ones among them.
     pub simulable: u64,
-    /// Those of them that get no samples, because their constraints rule them out.
+    /// Simulable ones that get no samples, because their constraints rule them out.
     pub ruled_out: u64,
 }
 
 /// Counts of samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Samples {
-    /// k.
+pub struct SampleCounts {
+    /// k, the samples of each design.
     pub per_design: u64,
     /// Samples in the store.
     pub done: u64,
 }
 
-/// Done of wanted.
+/// A count of done work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
-    /// How many are done.
     pub done: u64,
-    /// How many there will be.
     pub wanted: u64,
 }
 
 /// A run of an optimiser that is not finished.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnfinishedRun {
-    /// Its approach and start.
+    /// The approach and the start.
     pub name: String,
-    /// Evaluations, of those that it has without continuations.
+    /// Evaluations; `wanted` does not count continuations.
     pub evaluations: Progress,
 }
 
 /// The rounds of infill.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Enrichment {
+pub struct EnrichmentStatus {
     /// The round that is being sampled, from 1; the last one once the enrichment has ended.
     pub round: u64,
     /// Samples of its points.
     pub samples: Progress,
-    /// Infill points of all rounds, and how many of them have failed.
+    /// Infill points of all rounds.
     pub points: u64,
-    /// See `points`.
+    /// Failed infill points.
     pub failed: u64,
     /// Infill points that got no samples because they break a constraint.
     pub ruled_out: u64,
-    /// Whether there will be no more rounds.
+    /// Whether no round follows.
     pub ended: bool,
 }
 
 /// A chosen optimum.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Optimum {
+pub struct OptimumStatus {
     /// The approach's name.
     pub approach: String,
-    /// Its criterion, in the status's unit; absent when no feasible design was found.
+    /// The criterion, in the status's unit; absent when no feasible design was found.
     pub criterion: Option<f64>,
     /// Why there is no design: `no-model`, `none-feasible`, `none-simulable` or `nothing-computed`; absent
     /// when there is one.
@@ -188,8 +175,8 @@ pub struct Optimum {
     /// The percentile of the verification samples, once all are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub percentile: Option<Estimate>,
-    /// How much worse it is than the best optimum; absent for that one, and for an approach that moves other
-    /// variables.
+    /// The percentile less that of the best optimum, not negative but for the interval; absent for the best one,
+    /// and for an approach that moves other variables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub behind: Option<Estimate>,
 }
@@ -218,190 +205,8 @@ impl From<OrderStatistic> for Estimate {
     }
 }
 
-impl Optimum {
-    fn of(problem: &Problem, verified: &VerifiedOptimum) -> Self {
-        let optimum = &verified.optimum;
-        let (done, wanted) = match (&verified.verification, optimum.feasible()) {
-            (Some(verification), Some(_)) => (verification.samples.len(), verification.wanted),
-            _ => (0, 0),
-        };
-        Self {
-            approach: problem.approach_name(optimum.approach).to_owned(),
-            criterion: optimum.feasible().map(|found| found.criterion),
-            none: optimum.found.as_ref().err().copied(),
-            note: optimum.note.clone(),
-            verified: Progress {
-                done: done as u64,
-                wanted: wanted as u64,
-            },
-            percentile: verified.percentile.map(Estimate::from),
-            behind: verified.behind.map(Estimate::from),
-        }
-    }
-}
-
-/// Reads the status of the campaign in `store`.
-///
-/// # Errors
-///
-/// The store cannot be read, or its campaign file cannot.
-pub async fn read(store: &Store) -> anyhow::Result<Status> {
-    let store = &store.snapshot().await?;
-    let row = store.campaign().await?;
-    let problem = snapshot::problem(store).await?;
-    let campaign = problem.campaign();
-    let progress = store.progress().await?;
-    let tallies = store.sample_tallies().await?;
-    let found = Optima::read(store, &problem).await?;
-    let optima: Vec<Optimum> = found.iter().map(|one| Optimum::of(&problem, one)).collect();
-    let wanted = u64::from(campaign.doe.designs);
-    let per_design = u64::from(campaign.sampling.samples_per_design);
-    let enrichment = enrichment(store, &tallies).await?;
-    let stage = store.stage().await?;
-    let stage = stage.and_then(|name| Stage::named(&name));
-    // Before the first coordinator has seen the campaign, nothing is made.
-    let stage = stage.unwrap_or(Stage::Doe);
-    let mut warnings = doubts::of(store, &problem).await?;
-    if stage == Stage::Done {
-        let open = store
-            .missing_work(per_design, &BTreeMap::new())
-            .await?
-            .len();
-        if open > 0 {
-            warnings.push(format!(
-                "The campaign ended without samples of {open} designs, whose jobs were quarantined. The same command \
-                 tries them again."
-            ));
-        }
-    }
-    let groups = store.failure_groups().await?.into_iter();
-    let mut status = Status {
-        schema_version: 3,
-        campaign: row.name,
-        campaign_digest: row.digest,
-        program_version: row.program_version,
-        finished: stage == Stage::Done,
-        stage,
-        stages: Vec::new(),
-        designs: Designs {
-            wanted,
-            made: progress.designs,
-            done: progress.criteria_done,
-            simulable: progress.simulable,
-            ruled_out: progress.ruled_out,
-        },
-        samples: Samples {
-            per_design,
-            done: progress.samples,
-        },
-        samples_digest: store.samples_digest().await?,
-        point_samples_digest: store.point_samples_digest().await?,
-        digests_checked: store.is_checked(),
-        optimiser_runs: Progress {
-            done: progress.optimiser_runs,
-            wanted: problem.optimiser_runs(),
-        },
-        unfinished_runs: unfinished_runs(store, &problem).await?,
-        enrichment,
-        percentile: campaign.sampling.percentile_name(),
-        unit: problem.sampled().unit.to_string(),
-        optima,
-        failures: progress.failures,
-        failure_groups: groups.map(FailureGroup::from).collect(),
-        warnings,
-        live: None,
-    };
-    let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());
-    status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
-    time(store, &mut status, &problem).await?;
-    Ok(status)
-}
-
-/// Says what the stages took. The CPU times of all units are read of finished campaigns only, whose status
-/// is not asked for every second.
-async fn time(store: &Store, status: &mut Status, problem: &Problem) -> anyhow::Result<()> {
-    if status.finished {
-        let costs = Times::read(store, problem).await?.stages();
-        let known = |seconds: f64| Some(seconds).filter(|seconds| seconds.is_finite());
-        for (stage, cost) in status.stages.iter_mut().zip(costs) {
-            stage.wall_seconds = known(cost.wall_seconds);
-            stage.cpu_seconds = known(cost.cpu_seconds);
-        }
-        return Ok(());
-    }
-    let stages = store.stage_times().await?;
-    for stage in &mut status.stages {
-        stage.wall_seconds = costs::wall_seconds(&stages, stage.name);
-    }
-    Ok(())
-}
-
-async fn unfinished_runs(
-    store: &Store,
-    problem: &Problem,
-) -> Result<Vec<UnfinishedRun>, store::Error> {
-    let wanted = u64::from(problem.campaign().optimise.evaluations);
-    let finished: BTreeSet<StreamId> = store
-        .optimiser_runs()
-        .await?
-        .into_iter()
-        .map(|row| row.stream)
-        .collect();
-    let mut evaluated = store.evaluated().await?;
-    evaluated.retain(|stream, _| !finished.contains(stream));
-    Ok(evaluated
-        .into_iter()
-        .filter_map(|(stream, (done, _))| {
-            let (approach, start) = names::approach_and_start(stream)?;
-            Some(UnfinishedRun {
-                name: format!("{} {start}", approach.name()),
-                evaluations: Progress { done, wanted },
-            })
-        })
-        .collect())
-}
-
-async fn enrichment(
-    store: &Store,
-    tallies: &BTreeMap<StreamId, SampleTally>,
-) -> Result<Option<Enrichment>, store::Error> {
-    let rounds = store.rounds().await?;
-    let Some(last) = rounds.last() else {
-        return Ok(None);
-    };
-    let infill = store.infill().await?;
-    let of_last = infill.iter().filter(|row| row.round == last.round);
-    let done = of_last.clone().map(|row| {
-        let tally = tallies.get(&StreamId::point(row.number));
-        tally.map_or(0, |tally| tally.samples).min(row.samples)
-    });
-    Ok(Some(Enrichment {
-        round: last.round + 1,
-        samples: Progress {
-            done: done.sum(),
-            wanted: of_last.map(|row| row.samples).sum(),
-        },
-        points: infill.len() as u64,
-        failed: infill.iter().filter(|row| row.has_failed()).count() as u64,
-        ruled_out: infill.iter().filter(|row| row.is_ruled_out()).count() as u64,
-        ended: last.stop_json.is_some(),
-    }))
-}
-
-impl From<store::FailureGroup> for FailureGroup {
-    fn from(group: store::FailureGroup) -> Self {
-        Self {
-            kind: group.kind.as_str().to_owned(),
-            cause: group.cause,
-            count: group.count,
-            last_error: group.last_error,
-            last_job: names::stream_name(group.last_stream),
-        }
-    }
-}
-
 impl Status {
-    /// Adds what the running coordinator knows.
+    /// Adds the state of the running coordinator.
     #[must_use]
     pub fn with(mut self, running: Running) -> Self {
         let left = |progress: Progress| progress.wanted.saturating_sub(progress.done) as f64;
@@ -442,7 +247,7 @@ impl Status {
         all.fold(Progress { done: 0, wanted: 0 }, sum)
     }
 
-    /// The stages of a campaign that verifies with at most so many samples, with an enrichment or without.
+    /// The progress of each stage; `to_verify` is the number of verification samples before the optima are chosen.
     fn each_stage(&self, to_verify: u64, enriches: bool) -> Vec<StageProgress> {
         let all_chosen = self.stage >= Stage::Verify;
         Stage::WORK
@@ -493,7 +298,7 @@ impl Status {
             .collect()
     }
 
-    /// The stage, for people: of rounds of infill, which one.
+    /// The stage's name; during the enrichment, with the round.
     #[must_use]
     pub fn stage_name(&self) -> String {
         match &self.enrichment {
@@ -504,7 +309,7 @@ impl Status {
         }
     }
 
-    /// What a round of infill waits for, while there is one.
+    /// What the current round of infill waits for; `None` outside the enrichment.
     #[must_use]
     pub fn round_sentence(&self) -> Option<String> {
         let enrichment = self.enrichment.filter(|_| self.stage == Stage::Enrich)?;
@@ -523,7 +328,7 @@ impl Status {
     /// designs that have not been tried, as many are taken to get samples as of the others.
     #[must_use]
     pub fn missing(&self) -> (f64, f64) {
-        let Designs {
+        let DesignCounts {
             wanted,
             done,
             simulable,

@@ -9,7 +9,7 @@ use serde_json::{Map, Number, Value};
 /// it.
 pub const SCHEMA_VERSION: u32 = 1;
 
-/// What a column holds.
+/// The kind of a column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Text.
@@ -25,7 +25,6 @@ pub enum Kind {
 pub struct Column {
     /// The name, with the unit where it is fixed.
     pub name: String,
-    /// What it holds.
     pub kind: Kind,
     /// The unit; empty for a number without one.
     pub unit: String,
@@ -163,7 +162,6 @@ macro_rules! row {
 /// A table in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Table {
-    /// The columns.
     pub columns: Vec<Column>,
     /// The rows, each as long as the columns.
     pub rows: Vec<Vec<Cell>>,
@@ -324,7 +322,7 @@ impl<W: Write + Send> TableWriter<W> {
     }
 }
 
-/// A row as a JSON object; null for no value and for what JSON has no number for.
+/// A row as a JSON object; null for a missing value and for a number that is not finite.
 fn object(columns: &[Column], row: &[Cell]) -> Map<String, Value> {
     let value = |cell: &Cell| match cell {
         Cell::Text(text) => Value::from(text.as_str()),

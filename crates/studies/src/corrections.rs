@@ -9,6 +9,7 @@ use campaign::formulation::gears::ALL_VARIABLES;
 use campaign::optimise::Solution;
 use campaign::{Campaign, Design, PairFile};
 use rayon::prelude::*;
+use results::number::{MISSING, fixed};
 use results::row;
 use results::table::{Cell, Column, Table};
 use stats::OrderStatistic;
@@ -17,7 +18,7 @@ use crate::direct::{self, Search, Start};
 use crate::refusal::require_built_in;
 use crate::samples;
 use crate::table::{
-    CRITERIA, Document, NOTHING, PageTable, criteria_cells, percentile_cells, with_interval, write,
+    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval, write,
 };
 
 /// A set of profile corrections that a search may use.
@@ -25,13 +26,13 @@ use crate::table::{
 pub struct Space {
     /// The corrections, in words.
     pub name: &'static str,
-    /// Their ranges.
+    /// The ranges of the corrections.
     section: CorrectionsSection,
 }
 
-/// The results of the searches with one set of corrections.
+/// The outcome of the searches with one set of corrections.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct Outcome {
     /// The corrections that were allowed.
     pub space: Space,
     /// Number of designs tried, over all starts.
@@ -106,10 +107,10 @@ pub fn run(
     space: &Space,
     base: &Design,
     number: u64,
-    without: Option<&Row>,
-) -> anyhow::Result<Row> {
+    without: Option<&Outcome>,
+) -> anyhow::Result<Outcome> {
     let problem = space.problem(campaign);
-    let known = without.and_then(|row| Some(&row.best.as_ref()?.0.design));
+    let known = without.and_then(|outcome| Some(&outcome.best.as_ref()?.0.design));
     let searches: anyhow::Result<Vec<Search>> = (0..campaign.optimise.starts)
         .into_par_iter()
         .map(|start| {
@@ -136,7 +137,7 @@ pub fn run(
         }
         None => None,
     };
-    Ok(Row {
+    Ok(Outcome {
         space: space.clone(),
         evaluations: sum(|search| search.evaluations),
         plain_calls: sum(|search| search.plain_calls),
@@ -151,9 +152,13 @@ pub fn run(
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Document> {
+pub fn write_tables(
+    out: &Path,
+    campaign: &Campaign,
+    outcomes: &[Outcome],
+) -> anyhow::Result<Document> {
     let sampling = &campaign.sampling;
-    let figures = all_figures(campaign, rows);
+    let figures = all_figures(campaign, outcomes);
     write(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
         "# {} with and without profile corrections\n\n\
@@ -164,13 +169,13 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
         campaign.verify.first(),
         campaign.optimise.starts,
         campaign.optimise.evaluations,
-        summary(sampling, rows).markdown()
+        summary(sampling, outcomes).markdown()
     );
     write(out, "corrections.md", &page)?;
-    for row in rows {
-        let problem = row.space.problem(campaign);
+    for outcome in outcomes {
+        let problem = outcome.space.problem(campaign);
         let (Some((found, _)), Some(gears), Some(sections)) =
-            (&row.best, problem.gears(), campaign.gears())
+            (&outcome.best, problem.gears(), campaign.gears())
         else {
             continue;
         };
@@ -179,7 +184,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
             corrections: PairCorrections::of_gear(&corrections),
             ..PairFile::of_design(sections, &found.design.gears())
         };
-        let name = format!("pair-{}.toml", row.space.name.replace(' ', "-"));
+        let name = format!("pair-{}.toml", outcome.space.name.replace(' ', "-"));
         write(out, &name, file.to_toml())?;
     }
     Ok(Document {
@@ -188,7 +193,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
     })
 }
 
-fn summary(sampling: &Sampling, rows: &[Row]) -> PageTable {
+fn summary(sampling: &Sampling, outcomes: &[Outcome]) -> PageTable {
     let percentile = sampling.percentile_name();
     let mut table = PageTable::new([
         "corrections",
@@ -203,40 +208,40 @@ fn summary(sampling: &Sampling, rows: &[Row]) -> PageTable {
         "σ_vm, MPa",
         "analyses without and with random wear",
     ]);
-    for row in rows {
-        let mut line = vec![row.space.name.to_owned()];
-        match &row.best {
+    for outcome in outcomes {
+        let mut line = vec![outcome.space.name.to_owned()];
+        match &outcome.best {
             Some((found, p90)) => {
                 let (values, criteria) = (found.design.values(), found.criteria.gears());
                 let relief = |amount: f64, length: f64| match length > 0.0 {
-                    true => format!("{amount:.1} µm × {length:.2} mm"),
-                    false => NOTHING.to_owned(),
+                    true => format!("{} µm × {} mm", fixed(amount, 1), fixed(length, 2)),
+                    false => MISSING.to_owned(),
                 };
                 line.push(with_interval(p90));
-                line.push(format!("{:.3}", found.criterion));
+                line.push(fixed(found.criterion, 3));
                 // Amount and length of the pinion's relief and the mate's, then the crowning.
                 let corrections = &values[ALL_VARIABLES..];
                 let reliefs = corrections.chunks_exact(2);
                 let crowning = reliefs.remainder();
                 line.extend(reliefs.map(|of_gear| relief(of_gear[0], of_gear[1])));
-                line.extend(crowning.iter().map(|crowning| format!("{crowning:.2}")));
-                line.push(format!("{:.3}", criteria.contact_ratio));
-                line.push(format!("{:.3}", criteria.specific_sliding));
-                line.push(format!("{:.0}", criteria.hertz_pressure_mpa));
-                line.push(format!("{:.0}", criteria.root_stress_mpa));
+                line.extend(crowning.iter().map(|crowning| fixed(*crowning, 2)));
+                line.push(fixed(criteria.contact_ratio, 3));
+                line.push(fixed(criteria.specific_sliding, 3));
+                line.push(fixed(criteria.hertz_pressure_mpa, 0));
+                line.push(fixed(criteria.root_stress_mpa, 0));
             }
             None => {
                 line.push("none feasible".to_owned());
-                line.extend(std::iter::repeat_n(NOTHING.to_owned(), 8));
+                line.extend(std::iter::repeat_n(MISSING.to_owned(), 8));
             }
         }
-        line.push(format!("{} + {}", row.plain_calls, row.worn_calls));
+        line.push(format!("{} + {}", outcome.plain_calls, outcome.worn_calls));
         table.rows.push(line);
     }
     table
 }
 
-fn all_figures(campaign: &Campaign, rows: &[Row]) -> Table {
+fn all_figures(campaign: &Campaign, outcomes: &[Outcome]) -> Table {
     let percentile = campaign.sampling.percentile_columns();
     let searched = percentile[0].replace("_um", "_searched_um");
     let problem = Problem::new(campaign.clone()).with_corrections(&CorrectionsSection::default());
@@ -251,9 +256,13 @@ fn all_figures(campaign: &Campaign, rows: &[Row]) -> Table {
     columns.extend(CRITERIA.map(Column::number));
     columns.extend(["evaluations", "plain_calls", "worn_calls"].map(Column::whole));
     let mut table = Table::new(columns);
-    for row in rows {
-        let (found, p90) = row.best.as_ref().map(|(found, p90)| (found, *p90)).unzip();
-        let mut line = row![row.space.name].to_vec();
+    for outcome in outcomes {
+        let (found, p90) = outcome
+            .best
+            .as_ref()
+            .map(|(found, p90)| (found, *p90))
+            .unzip();
+        let mut line = row![outcome.space.name].to_vec();
         match found {
             Some(found) => line.extend(found.design.values().iter().copied().map(Cell::from)),
             None => line.extend(variables.iter().map(|_| Cell::Missing)),
@@ -262,7 +271,7 @@ fn all_figures(campaign: &Campaign, rows: &[Row]) -> Table {
         line.push(found.map(|found| found.criterion).into());
         let criteria = found.map(|found| found.criteria.gears());
         line.extend(criteria_cells(criteria.as_ref()));
-        line.extend([row.evaluations, row.plain_calls, row.worn_calls].map(Cell::from));
+        line.extend([outcome.evaluations, outcome.plain_calls, outcome.worn_calls].map(Cell::from));
         table.rows.push(line);
     }
     table
@@ -325,9 +334,9 @@ mod tests {
             let (low, high) = p90.interval.unwrap();
             assert!(low < p90.value && p90.value < high);
         }
-        let rows = [without.clone(), with.clone()];
+        let outcomes = [without.clone(), with.clone()];
         let folder = tempfile::tempdir().unwrap();
-        write_tables(folder.path(), &campaign, &rows).unwrap();
+        write_tables(folder.path(), &campaign, &outcomes).unwrap();
         for (name, (found, _)) in [("none", bare), ("tip-relief", corrected)] {
             let text = std::fs::read_to_string(folder.path().join(format!("pair-{name}.toml")));
             let file = PairFile::parse("pair.toml", &text.unwrap()).unwrap();
@@ -338,6 +347,9 @@ mod tests {
                 assert!((amounts[0] - amounts[1]).abs() < 1e-15, "{amounts:?}");
             }
         }
-        assert_eq!(summary(&campaign.sampling, &rows).rows[1][0], "tip relief");
+        assert_eq!(
+            summary(&campaign.sampling, &outcomes).rows[1][0],
+            "tip relief"
+        );
     }
 }

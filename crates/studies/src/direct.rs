@@ -1,6 +1,6 @@
 //! Direct searches beside the runs of a campaign: CMA-ES on the percentile itself, without a model.
 //!
-//! They are those of [`campaign::optimise`] with [`Approach::Direct`]. The objective is P90 of ΔSTE
+//! The searches are those of [`campaign::optimise`] with [`Approach::Direct`]. The objective is P90 of ΔSTE
 //! from as many samples as a design of the campaign gets, with the same random numbers at every
 //! design: only the designs make a difference, and the search sees a smooth function. Constraints
 //! are exact (the simulator's own, with the contact pressure under Archard's wear) and ranked
@@ -41,7 +41,7 @@ pub struct Start<'a> {
     pub start: u32,
     /// The values of the variables that the DoE does not vary.
     pub base: &'a Design,
-    /// A good design to begin at, with a third of the step; a random point without one.
+    /// A good design to begin at, with a third of the step; without one, a random point.
     pub from: Option<&'a Design>,
 }
 

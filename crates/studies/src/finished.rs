@@ -1,4 +1,4 @@
-//! Reading a campaign that is finished.
+//! Reads a finished campaign.
 
 use anyhow::Context as _;
 use campaign::formulation::Problem;
@@ -16,11 +16,8 @@ use crate::refusal::UnfinishedCampaign;
 /// A design that an approach found, with its verification samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimum {
-    /// The approach.
     pub approach: Approach,
-    /// The design.
     pub variables: GearVariables,
-    /// Its criteria.
     pub criteria: GearCriteria,
     /// Verification samples of ΔSTE, µm.
     pub verified: Vec<f64>,
@@ -82,7 +79,7 @@ pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Opti
 ///
 /// # Errors
 ///
-/// The store cannot be read, or there is no such feasible optimum.
+/// The store cannot be read, or the approach has no feasible optimum.
 pub async fn optimum(
     store: &Store,
     problem: &Problem,
@@ -116,7 +113,7 @@ pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
         .into(),
         ..State::default()
     };
-    // A finished campaign has them.
+    // Without an optimum they are those of the file.
     state
         .base(problem)
         .unwrap_or_else(|| problem.base().clone())

@@ -5,15 +5,16 @@
 //! - [`sensitivity`] splits the variance of an optimum's percentile among tolerances.
 //! - [`pareto`] weighs the percentile against a second objective.
 //! - [`simulate`] computes one pair of gears.
-//! - [`direct`] searches the least percentile, and [`samples`] draws the ones that the
-//!   result is judged by.
-//! - [`finished`] reads the finished campaign that they start from, [`refusal`] has the reasons to
-//!   refuse one, and [`table`] writes the results.
+//! - [`direct`] searches the least percentile, and [`samples`] draws the verification samples of the result.
+//! - [`finished`] reads the finished campaign of a study, [`refusal`] has the reasons to refuse one, and [`table`]
+//!   writes the results.
 //!
 //! A study of a campaign computes rows from its file or its finished store, and writes them as CSV, as a
 //! Markdown table and, where a picture helps, as an SVG chart. None writes to a campaign's store.
 //! Simulations run in this process on all threads of the caller's rayon pool, and results do not
 //! depend on their number. Only [`sweep`] runs whole campaigns, which the caller does.
+
+#![allow(missing_docs, reason = "only the programs of this workspace use it")]
 
 pub mod corrections;
 pub mod direct;

@@ -8,8 +8,7 @@ use campaign::Campaign;
     "campaign {campaign} is simulated by an external program, which this command does not start: it \
      simulates with the built-in model; give it a copy of the campaign without the section [simulator]"
 )]
-pub struct External {
-    /// The campaign's name.
+pub struct ExternalSimulator {
     pub campaign: String,
 }
 
@@ -18,10 +17,10 @@ pub struct External {
 /// # Errors
 ///
 /// The campaign's simulator is an external program.
-pub fn require_built_in(campaign: &Campaign) -> Result<(), External> {
+pub fn require_built_in(campaign: &Campaign) -> Result<(), ExternalSimulator> {
     if campaign.is_external() {
         let campaign = campaign.name.clone();
-        return Err(External { campaign });
+        return Err(ExternalSimulator { campaign });
     }
     Ok(())
 }
@@ -30,7 +29,6 @@ pub fn require_built_in(campaign: &Campaign) -> Result<(), External> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("campaign {campaign} has kind = \"external\": this command is for campaigns of gears")]
 pub struct NoGears {
-    /// The campaign's name.
     pub campaign: String,
 }
 
@@ -52,7 +50,6 @@ pub fn require_gears(campaign: &Campaign) -> Result<(), NoGears> {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{store} is not finished (stage {stage}): finish it with `coordinator run` first")]
 pub struct UnfinishedCampaign {
-    /// The store's file.
     pub store: String,
     /// The first unfinished stage.
     pub stage: String,

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 /// prepares the design again.
 const PIECE: usize = 500;
 
-/// As many verification samples of ΔSTE as every optimum of the campaign gets, µm. All designs get
-/// the same random numbers.
+/// Verification samples of ΔSTE, µm, as many as every optimum of the campaign gets. All designs get the same
+/// random numbers.
 ///
 /// # Errors
 ///

@@ -6,7 +6,7 @@
 //! parameters vary together and splits the variance that follows among them (Sobol' indices).
 //!
 //! A deviation of a variable is one of manufacture: tools keep their module, so the module stays as
-//! designed, and the centre distance at which the pair meshes without backlash follows.
+//! designed, and the centre distance without backlash follows.
 
 use std::ops::Range;
 use std::path::Path;
@@ -18,6 +18,7 @@ use campaign::optimise::COMMON;
 use campaign::task::VERIFICATION;
 use campaign::{Campaign, Design};
 use rayon::prelude::*;
+use results::number::fixed;
 use results::row;
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
@@ -27,7 +28,7 @@ use crate::finished::Optimum;
 use crate::samples::in_pieces;
 use crate::table::{Document, PageTable, percentile_cells, with_interval, write};
 
-/// Names the wear profiles among which the field of a single sample is drawn.
+/// The stream of the wear profiles from which the field of a single sample is drawn.
 const FIELDS: u64 = (1 << 40) + 1;
 
 /// Number of bootstrap samples behind an interval.
@@ -54,14 +55,14 @@ pub struct Tolerances {
     pub rows: usize,
 }
 
-/// One line of the scenario table.
+/// A changed parameter of the wear field, with the percentile that follows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scenario {
     /// The parameter that is changed.
     pub parameter: &'static str,
     /// The factor by which it is changed.
     pub factor: f64,
-    /// P90 from as many verification samples as the campaign verifies with.
+    /// P90 from the campaign's number of verification samples.
     pub p90: OrderStatistic,
 }
 
@@ -70,7 +71,6 @@ pub struct Scenario {
 pub struct Indices {
     /// The output, in words.
     pub output: String,
-    /// The inputs.
     pub inputs: Vec<String>,
     /// The indices of all inputs.
     pub sensitivity: Sensitivity,
@@ -179,7 +179,7 @@ pub fn indices(
         .collect();
     let gears = problem.gears().context(NO_GEARS)?;
     let sampling = &problem.campaign().sampling;
-    let nominal = Nominal::new(gears, optimum.variables.into())?;
+    let nominal = NominalDesign::new(gears, optimum.variables.into())?;
     let of_percentile = |point: &[f64]| -> anyhow::Result<f64> {
         let Some((pair, wear)) = nominal.deviated(tolerances, point) else {
             return Ok(f64::NAN);
@@ -206,7 +206,7 @@ pub fn indices(
         let samples = draw(problem, &pair, &wear, fields, number..number + 1)?;
         Ok(samples[0])
     };
-    // The sample's one stream gives both.
+    // One stream per sample draws the wear and the slope deviations.
     let field = match gears.flank_class() {
         Some(_) => "wear field and profile slopes",
         None => "wear field",
@@ -233,15 +233,15 @@ pub fn indices(
     ])
 }
 
-/// A design from which manufacture deviates.
-struct Nominal<'a> {
+/// The design without deviations of manufacture.
+struct NominalDesign<'a> {
     gears: &'a Gears,
     design: Design,
     /// The module of the tools, mm.
     module: f64,
 }
 
-impl<'a> Nominal<'a> {
+impl<'a> NominalDesign<'a> {
     fn new(gears: &'a Gears, design: Design) -> anyhow::Result<Self> {
         Ok(Self {
             module: gears.normal_module(&design)?,
@@ -348,17 +348,20 @@ pub fn write_tables(
     for one in indices {
         let found = &one.sensitivity;
         let mut shown = PageTable::new(["input", "first-order index", "total index"]);
-        let index = |i: &SensitivityIndex| format!("{:.3} [{:.3}; {:.3}]", i.value, i.low, i.high);
+        let index = |i: &SensitivityIndex| {
+            let [value, low, high] = [i.value, i.low, i.high].map(|share| fixed(share, 3));
+            format!("{value} [{low}; {high}]")
+        };
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
             shown
                 .rows
                 .push(vec![(*input).to_owned(), index(first), index(total)]);
         }
         page += &format!(
-            "\n{}: mean {:.3} µm, standard deviation {:.3} µm",
+            "\n{}: mean {} µm, standard deviation {} µm",
             one.output,
-            found.mean,
-            found.variance.sqrt()
+            fixed(found.mean, 3),
+            fixed(found.variance.sqrt(), 3)
         );
         if found.left_out > 0 {
             page += &format!(

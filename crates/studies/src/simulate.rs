@@ -32,7 +32,6 @@ pub enum WearChoice {
 /// The simulation requested besides the analysis of the pair itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Request {
-    /// The wear.
     pub wear: WearChoice,
     /// The seed of random wear.
     pub seed: u64,
@@ -43,7 +42,6 @@ pub struct Request {
 /// All results of the simulator for one pair; arrays of two are pinion, mate.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Simulation {
-    /// The version of this object.
     pub schema_version: u32,
     /// Whether the simulator gives numbers.
     pub simulable: bool,
@@ -84,7 +82,7 @@ pub struct Figures {
     hertz_pressure_mpa: f64,
     root_stress_mpa: [f64; 2],
     notch_parameter_in_range: [bool; 2],
-    iso_6336: Nominal,
+    iso_6336: NominalRating,
     pair_stiffness_n_per_mm_um: f64,
     ste_um: Curve,
     delta_ste_um: f64,
@@ -124,7 +122,7 @@ impl Scatter {
 /// Nominal stresses by ISO 6336, method B with all application, dynamic and distribution factors 1, and the
 /// limits of the material over them; see [`gear::rating`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Nominal {
+struct NominalRating {
     /// Whether the transverse contact ratio is from 1 to 2, for which the formulas are meant.
     in_range: bool,
     /// σ_F0.
@@ -137,7 +135,7 @@ struct Nominal {
     flank_safety: [f64; 2],
 }
 
-impl Nominal {
+impl NominalRating {
     fn of(pair: &Pair) -> Self {
         let rating = rating::rate(pair, 1.0);
         Self {
@@ -281,7 +279,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
         notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
-        iso_6336: Nominal::of(pair),
+        iso_6336: NominalRating::of(pair),
         pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
         ste_um: Curve {
             phase: analysis.phases,
@@ -305,7 +303,6 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
 ///
 /// # Errors
 ///
-/// A figure that is not finite; the simulator gives none.
 pub fn to_json(simulation: &Simulation) -> anyhow::Result<serde_json::Value> {
     let mut object = serde_json::to_value(simulation)?;
     if let (Some(object), Some(figures)) = (object.as_object_mut(), &simulation.figures)

@@ -1,7 +1,7 @@
 //! `coordinator sweep`: the whole procedure for several numbers of teeth.
 //!
-//! Each number is a campaign of its own with its own store. The stores hold all that a sweep has
-//! done: a killed sweep continues, and a finished one only writes its tables.
+//! Each number is a campaign with a store of its own. The stores hold the whole state of a sweep: a killed sweep
+//! continues, and a finished one only writes its tables.
 
 use std::path::{Path, PathBuf};
 
@@ -9,8 +9,9 @@ use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
 use campaign::{Approach, Campaign, FileError};
+use results::number::{MISSING, fixed};
 use results::optima::{Optima, VerifiedOptimum};
-use results::report::PercentileSeries;
+use results::report::charts::{self, PercentileSeries};
 use results::row;
 use results::status;
 use results::table::{Cell, Column, Table};
@@ -18,7 +19,7 @@ use stats::OrderStatistic;
 use store::Store;
 
 use crate::table::{
-    CRITERIA, Document, NOTHING, PageTable, criteria_cells, percentile_cells, with_interval, write,
+    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval, write,
 };
 
 /// Numbers of teeth, ascending and without gaps.
@@ -70,11 +71,9 @@ impl std::str::FromStr for Teeth {
 pub struct Member {
     /// The pinion's teeth.
     pub teeth: u32,
-    /// The campaign.
     pub campaign: Campaign,
     /// The text of its file.
     pub file_text: String,
-    /// Its store.
     pub db: PathBuf,
     /// The folder of its report.
     pub report: PathBuf,
@@ -106,7 +105,7 @@ pub fn members(
         .collect()
 }
 
-/// Whether a campaign is finished in its store. False without a store.
+/// Whether a campaign is finished; `false` without a store.
 ///
 /// # Errors
 ///
@@ -123,43 +122,43 @@ pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
     Ok(status.finished && status.campaign_digest == member.campaign.digest())
 }
 
-/// The result of one approach for one number of teeth.
+/// The outcome of one approach for one number of teeth.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct Outcome {
     /// Teeth of pinion and mate.
     pub teeth: [u32; 2],
-    /// What an approach found.
+    /// The optimum of the approach.
     pub verified: VerifiedOptimum,
 }
 
-impl Row {
+impl Outcome {
     fn approach(&self) -> Approach {
         self.verified.optimum.approach
     }
 
-    /// The verified percentile; none without a design or with too few samples.
+    /// The verified percentile; `None` without a design or with too few samples.
     fn p90(&self) -> Option<OrderStatistic> {
         self.verified.percentile
     }
 }
 
-/// The results in the store of a finished campaign, one row per approach.
+/// The outcomes in the store of a finished campaign, one per approach.
 ///
 /// # Errors
 ///
 /// The store cannot be read.
-pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
+pub async fn outcomes(member: &Member) -> anyhow::Result<Vec<Outcome>> {
     let store = Store::open_read_only(&member.db).await?;
     let problem = Problem::new(member.campaign.clone());
     let optima = Optima::read(&store, &problem).await?;
     store.close().await?;
     let sections = member.campaign.gears();
     let teeth = sections.map_or([0; 2], |sections| sections.pair.teeth());
-    let row = |verified: &VerifiedOptimum| Row {
+    let outcome = |verified: &VerifiedOptimum| Outcome {
         teeth,
         verified: verified.clone(),
     };
-    Ok(optima.iter().map(row).collect())
+    Ok(optima.iter().map(outcome).collect())
 }
 
 /// Writes `sweep.csv`, `sweep.md` and `sweep.svg` into `out`; returns what it wrote.
@@ -167,30 +166,34 @@ pub async fn rows(member: &Member) -> anyhow::Result<Vec<Row>> {
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Result<Document> {
+pub fn write_tables(
+    out: &Path,
+    campaign: &Campaign,
+    outcomes: &[Outcome],
+) -> anyhow::Result<Document> {
     let sampling = &campaign.sampling;
     let name = &campaign.name;
     let percentile = sampling.percentile_name();
-    let figures = all_figures(sampling, rows);
+    let figures = all_figures(sampling, outcomes);
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
          {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
          verification samples.\n\n{}",
-        summary(rows).markdown()
+        summary(outcomes).markdown()
     );
-    for row in rows {
-        if let Err(why) = row.verified.optimum.found_or_sentence() {
+    for outcome in outcomes {
+        if let Err(why) = outcome.verified.optimum.found_or_sentence() {
             page += &format!(
                 "\n{} teeth, {}: no feasible design. {why}\n",
-                row.teeth[0],
-                row.approach().name()
+                outcome.teeth[0],
+                outcome.approach().name()
             );
         }
     }
-    match results::report::chart_teeth(&percentile, &lines(rows)) {
-        Ok(svg) => {
-            write(out, "sweep.svg", svg)?;
+    match charts::teeth(&percentile, &lines(outcomes)) {
+        Ok(chart) => {
+            write(out, "sweep.svg", chart.standalone())?;
             page += &format!("\n![{percentile} against the number of teeth](sweep.svg)\n");
         }
         Err(why) => page += &format!("\n{why}\n"),
@@ -203,56 +206,61 @@ pub fn write_tables(out: &Path, campaign: &Campaign, rows: &[Row]) -> anyhow::Re
 }
 
 /// The approaches that occur, in their order.
-fn approaches(rows: &[Row]) -> Vec<Approach> {
+fn approaches(outcomes: &[Outcome]) -> Vec<Approach> {
     Approach::ALL
         .into_iter()
-        .filter(|approach| rows.iter().any(|row| row.approach() == *approach))
+        .filter(|approach| {
+            outcomes
+                .iter()
+                .any(|outcome| outcome.approach() == *approach)
+        })
         .collect()
 }
 
 /// One line per number of teeth, one column per approach.
-fn summary(rows: &[Row]) -> PageTable {
-    let approaches = approaches(rows);
+fn summary(outcomes: &[Outcome]) -> PageTable {
+    let approaches = approaches(outcomes);
     let mut header = vec!["teeth".to_owned(), "best approach".to_owned()];
     header.extend(approaches.iter().map(|approach| approach.name().to_owned()));
     header.push("module of the best, mm".to_owned());
     let mut table = PageTable::new(header);
-    let mut rest = rows;
+    let mut rest = outcomes;
     while let Some(first) = rest.first() {
         let (group, others) = rest.split_at(
             rest.iter()
-                .position(|row| row.teeth != first.teeth)
+                .position(|outcome| outcome.teeth != first.teeth)
                 .unwrap_or(rest.len()),
         );
         rest = others;
         let best = group
             .iter()
-            .filter_map(|row| Some((row, row.p90()?)))
+            .filter_map(|outcome| Some((outcome, outcome.p90()?)))
             .min_by(|(_, a), (_, b)| a.value.total_cmp(&b.value))
-            .map(|(row, _)| row);
+            .map(|(outcome, _)| outcome);
         let mut line = vec![
             format!("{} : {}", first.teeth[0], first.teeth[1]),
-            best.map_or("none feasible", |row| row.approach().name())
+            best.map_or("none feasible", |outcome| outcome.approach().name())
                 .to_owned(),
         ];
         line.extend(approaches.iter().map(|approach| {
-            let Some(row) = group.iter().find(|row| row.approach() == *approach) else {
-                return NOTHING.to_owned();
+            let Some(outcome) = group.iter().find(|outcome| outcome.approach() == *approach) else {
+                return MISSING.to_owned();
             };
-            row.p90()
+            outcome
+                .p90()
                 .map_or_else(|| "none feasible".to_owned(), |p90| with_interval(&p90))
         }));
-        let found = best.and_then(|row| row.verified.optimum.feasible());
+        let found = best.and_then(|outcome| outcome.verified.optimum.feasible());
         line.push(found.map_or_else(
-            || NOTHING.to_owned(),
-            |found| format!("{:.3}", found.criteria.gears().normal_module_mm),
+            || MISSING.to_owned(),
+            |found| fixed(found.criteria.gears().normal_module_mm, 3),
         ));
         table.rows.push(line);
     }
     table
 }
 
-fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
+fn all_figures(sampling: &Sampling, outcomes: &[Outcome]) -> Table {
     let mut columns = ["teeth_p", "teeth_r"].map(Column::whole).to_vec();
     columns.push(Column::text("approach"));
     columns.extend(VARIABLE_NAMES.map(Column::number));
@@ -262,17 +270,17 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
     columns.extend(CRITERIA.map(Column::number));
     columns.extend([Column::whole("simulator_calls"), Column::text("remark")]);
     let mut table = Table::new(columns);
-    for row in rows {
-        let [pinion, mate] = row.teeth;
-        let mut line = row![pinion, mate, row.approach().name()].to_vec();
-        let optimum = &row.verified.optimum;
+    for outcome in outcomes {
+        let [pinion, mate] = outcome.teeth;
+        let mut line = row![pinion, mate, outcome.approach().name()].to_vec();
+        let optimum = &outcome.verified.optimum;
         let found = optimum.found.as_ref().ok();
         match found {
             Some(found) => line.extend(found.design.values().iter().copied().map(Cell::from)),
             None => line.extend(VARIABLE_NAMES.map(|_| Cell::Missing)),
         }
         line.push(found.map(|found| found.criterion).into());
-        line.extend(percentile_cells(row.p90()));
+        line.extend(percentile_cells(outcome.p90()));
         let criteria = found.map(|found| found.criteria.gears());
         line.push(criteria.map(|criteria| criteria.normal_module_mm).into());
         line.extend(criteria_cells(criteria.as_ref()));
@@ -286,15 +294,15 @@ fn all_figures(sampling: &Sampling, rows: &[Row]) -> Table {
     table
 }
 
-fn lines(rows: &[Row]) -> Vec<PercentileSeries> {
-    approaches(rows)
+fn lines(outcomes: &[Outcome]) -> Vec<PercentileSeries> {
+    approaches(outcomes)
         .into_iter()
         .map(|approach| PercentileSeries {
             name: approach.name().to_owned(),
-            points: rows
+            points: outcomes
                 .iter()
-                .filter(|row| row.approach() == approach)
-                .filter_map(|row| Some((f64::from(row.teeth[0]), row.p90()?)))
+                .filter(|outcome| outcome.approach() == approach)
+                .filter_map(|outcome| Some((f64::from(outcome.teeth[0]), outcome.p90()?)))
                 .collect(),
         })
         .collect()
@@ -362,26 +370,29 @@ mod tests {
                 Some(verification),
             ),
         ];
-        let rows = optima.map(|(teeth, optimum, verification)| {
+        let outcomes = optima.map(|(teeth, optimum, verification)| {
             let optima = Optima::new(&problem, vec![(optimum, verification)]);
-            Row {
+            Outcome {
                 teeth,
                 verified: optima.iter().next().unwrap().clone(),
             }
         });
-        let table = summary(&rows);
+        let table = summary(&outcomes);
         assert_eq!(table.rows.len(), 2);
         assert_eq!(table.rows[0][1], "none feasible");
         assert_eq!(table.rows[1][1], "archard");
         assert!(
-            table.rows[1][3].starts_with("1.200 ["),
+            table.rows[1][3].starts_with("1.20 ["),
             "{:?}",
             table.rows[1]
         );
-        let all = all_figures(&problem.campaign().sampling, &rows);
+        let all = all_figures(&problem.campaign().sampling, &outcomes);
         assert_eq!(all.rows.len(), 4);
         assert!(all.csv().is_ok(), "every row is complete");
-        let drawn: Vec<usize> = lines(&rows).iter().map(|line| line.points.len()).collect();
+        let drawn: Vec<usize> = lines(&outcomes)
+            .iter()
+            .map(|line| line.points.len())
+            .collect();
         assert_eq!(drawn, [0, 1]);
     }
 }

@@ -1,16 +1,13 @@
 //! Pages, tables and files that studies write.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use anyhow::Context as _;
 use campaign::GearCriteria;
+use results::number::estimate;
 use results::table::{Cell, SCHEMA_VERSION, Table};
 use serde_json::{Map, Value, json};
 use stats::OrderStatistic;
-
-/// Text of a field without a value.
-pub(crate) const NOTHING: &str = "–";
 
 /// A table of a page: figures as people read them.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,12 +107,7 @@ pub(crate) fn percentile_cells(p90: Option<OrderStatistic>) -> [Cell; 3] {
 
 /// A percentile and its interval for a page, as in `1.51 [1.49; 1.53]`.
 pub(crate) fn with_interval(p90: &OrderStatistic) -> String {
-    let mut text = format!("{:.3}", p90.value);
-    if let Some((low, high)) = p90.interval {
-        // Writing to a String cannot fail.
-        let _ = write!(text, " [{low:.3}; {high:.3}]");
-    }
-    text
+    estimate(p90.value, p90.interval, "")
 }
 
 #[cfg(test)]

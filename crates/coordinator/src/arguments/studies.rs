@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use campaign::Approach;
 use clap::Args;
 use runner::worker::SimulatorArguments;
-use studies::pareto::Against;
+use studies::pareto::Objective;
 use studies::sweep::Teeth;
 
 use super::approach_of_name;
@@ -104,8 +104,8 @@ pub(crate) struct Pareto {
     #[command(flatten)]
     pub(crate) finished: FinishedCampaign,
     /// The second objective, against the percentile
-    #[arg(long, value_enum, default_value_t = Against::Pressure)]
-    pub(crate) against: Against,
+    #[arg(long, value_enum, default_value_t = Objective::Pressure)]
+    pub(crate) against: Objective,
     /// Number of direct searches, each of optimise.evaluations designs, to add to the front
     #[arg(long, value_name = "N", default_value_t = 0,
         value_parser = clap::value_parser!(u32).range(0..=1000))]

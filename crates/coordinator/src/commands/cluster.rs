@@ -1,7 +1,7 @@
 //! `simulate-cluster`: how many workers one coordinator can serve.
 
 use lab::rehearsal::{Rehearsal, Scenario, Wave, rehearse};
-use results::report::{TradeoffChart, TradeoffSeries};
+use results::report::charts::{self, TradeoffChart, TradeoffSeries};
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
 use studies::table::write;
@@ -61,7 +61,7 @@ pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> Result
     if let Some(out) = &arguments.out {
         std::fs::create_dir_all(out)?;
         write(out, "cluster.csv", csv(&simulated)?)?;
-        let chart = results::report::chart_tradeoff(&chart(&simulated))?;
+        let chart = charts::tradeoff(&chart(&simulated))?.standalone();
         write(out, "cluster.svg", chart)?;
     }
     print_either(arguments.json, &simulated, || describe(&simulated))?;

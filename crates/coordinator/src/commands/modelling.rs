@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use kriging::{FitOptions, Settings};
 use results::model;
-use results::modelling::table::Skipped;
+use results::modelling::table::SkippedRows;
 use results::modelling::{ModelFile, Request, Table, summary};
 use runner::exit::{self, ProgramError};
 use store::Store;
@@ -77,7 +77,7 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> Result<u8, Progra
             .map(|input| input.name.as_str())
             .collect();
         skipped = table.skip_missing(&inputs)?;
-        for Skipped { column, lines } in &skipped {
+        for SkippedRows { column, lines } in &skipped {
             warn!(%column, ?lines, "left out the rows without a value");
         }
     }

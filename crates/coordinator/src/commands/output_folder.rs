@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Error, ErrorKind, Read as _};
 use std::path::Path;
 
-use results::{report, reporting};
+use results::report;
 
 use super::FileAccess;
 
@@ -37,10 +37,10 @@ impl OutputFolder<'_> {
             Some(_) => Err("it holds the report of another campaign".to_owned()),
             None => Err(format!(
                 "its {} is not a report of this program",
-                reporting::FILE
+                report::FILE
             )),
         };
-        self.require_own(reporting::FILE, check).map(drop)
+        self.require_own(report::FILE, check).map(drop)
     }
 
     /// Refuses a folder whose file `marker` belongs to other results. Returns whether the folder has the
@@ -115,7 +115,7 @@ mod tests {
             (r#"<meta name="campaign-digest" content="def">"#, false),
             ("<html>", false),
         ] {
-            std::fs::write(path.join(reporting::FILE), head).unwrap();
+            std::fs::write(path.join(report::FILE), head).unwrap();
             assert_eq!(out.require_own_report(&lineages).is_ok(), is_own, "{head}");
         }
         let file = path.join("notes.txt");

@@ -11,7 +11,7 @@ use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
 use ledger::WorkerId;
 use results::table::SCHEMA_VERSION;
-use results::{reporting, status};
+use results::{report, status};
 use runner::coordinator::board::{self, Board, Room};
 use runner::coordinator::engine::Engine;
 use runner::coordinator::recorder::StoreRecorder;
@@ -123,8 +123,8 @@ async fn plan_store(
         .await?
         .is_some()
     {
-        let report =
-            reporting::write(store, report, &runner::coordinator::provenance::labels()).await?;
+        let labels = runner::coordinator::provenance::labels();
+        let report = report::write(store, report, &labels).await?;
         return Ok(PlanResult {
             schema_version: SCHEMA_VERSION,
             stage: Stage::Done.name().to_owned(),

@@ -69,7 +69,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
     }
     let mut rows = Vec::new();
     for member in &members {
-        rows.extend(sweep::rows(member).await?);
+        rows.extend(sweep::outcomes(member).await?);
     }
     let document = sweep::write_tables(&out, &campaign, &rows)?;
     finish(&document, &out, arguments.json)?;
@@ -86,9 +86,9 @@ pub(super) async fn corrections(arguments: arguments::Corrections) -> Result<u8,
     let spaces = corrections::spaces(&campaign).map_err(usage)?;
     let out = new_folder(arguments.out, &campaign, "corrections")?;
     let studied = campaign.clone();
-    let search = move || -> anyhow::Result<Vec<corrections::Row>> {
+    let search = move || -> anyhow::Result<Vec<corrections::Outcome>> {
         let mut base = None;
-        let mut rows: Vec<corrections::Row> = Vec::new();
+        let mut rows: Vec<corrections::Outcome> = Vec::new();
         for (number, space) in (0..).zip(&spaces) {
             let begun = Instant::now();
             let base = match &mut base {

@@ -14,7 +14,7 @@ use ledger::{
 use prost::Message as _;
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, LogNormal};
-use runner::coordinator::compute::thread_seconds;
+use runner::cpu::thread_seconds;
 use runner::protocol::v1::{LeaseResponse, LeaseResult, ReportRequest};
 use stats::streams::{Purpose, StreamRng, stream};
 

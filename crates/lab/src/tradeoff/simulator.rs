@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail};
 use campaign::formulation::Problem;
 use gear::{Discretisation, Pair, PairInput, PlainSum, Sampler, ToothModel, Wear};
 use rand::RngExt as _;
-use runner::coordinator::compute::thread_seconds;
+use runner::cpu::thread_seconds;
 use stats::streams::{Purpose, stream};
 
 use crate::summary::{median, quantile};

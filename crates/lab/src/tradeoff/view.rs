@@ -1,6 +1,6 @@
 //! A view of one cost against one error: a chart and a recommendation.
 
-use results::report::{TradeoffChart, TradeoffSeries};
+use results::report::charts::{TradeoffChart, TradeoffSeries};
 
 use crate::tradeoff::front::{Reason, Rule, front, recommend};
 use crate::tradeoff::table::{Row, Table};

@@ -1,4 +1,4 @@
-//! The table of designs: what is known of each, and why one without samples has none.
+//! The table of designs: the state of each, and why one without samples has none.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -10,14 +10,14 @@ use ledger::StreamId;
 use stages::{names, optima};
 use store::{CriteriaRow, FailureKind, ResponseRow, Store};
 
-use super::{Out, coordinates, numbers, quantity};
+use super::{Destination, coordinates, numbers, quantity};
 use crate::row;
 use crate::table::Column;
 
 pub(super) async fn write<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let responses = problem.responses();
     let mut columns = vec![Column::whole("design")];
@@ -26,19 +26,19 @@ pub(super) async fn write<W: Write + Send>(
     columns.push(Column::text("reason"));
     columns.extend(responses.iter().map(quantity));
     let mut out = out.table(columns)?;
-    let known = Known::read(store, problem).await?;
+    let records = DesignRecords::read(store, problem).await?;
     for design in store.designs().await? {
-        let of_design = known.of(design.design);
-        let criteria = of_design.criteria;
+        let record = records.of(design.design);
+        let criteria = record.criteria;
         let feasible =
-            criteria.and_then(|criteria| known.is_feasible(problem, &design.x, criteria));
+            criteria.and_then(|criteria| records.is_feasible(problem, &design.x, criteria));
         let mut row = row![design.design].to_vec();
         row.extend(numbers(Some(&design.x), 0));
         row.extend(row![
             criteria.map(|criteria| criteria.simulable),
             feasible,
-            of_design.samples,
-            of_design.reason(&problem.campaign().sampling),
+            record.samples,
+            record.reason(&problem.campaign().sampling),
         ]);
         let values = criteria.and_then(|row| row.responses.as_deref());
         row.extend(numbers(values, responses.len()));
@@ -47,8 +47,8 @@ pub(super) async fn write<W: Write + Send>(
     out.finish()
 }
 
-/// What the store knows of all designs.
-struct Known {
+/// The rows of all designs.
+struct DesignRecords {
     /// The variables that all designs share, once they are known.
     base: Option<Design>,
     criteria: BTreeMap<u64, CriteriaRow>,
@@ -58,15 +58,15 @@ struct Known {
     quarantined: BTreeMap<StreamId, String>,
 }
 
-/// What the store knows of one design.
-struct OfDesign<'a> {
+/// The rows of one design.
+struct DesignRecord<'a> {
     criteria: Option<&'a CriteriaRow>,
     response: Option<&'a ResponseRow>,
     samples: u64,
     quarantined: Option<&'a str>,
 }
 
-impl Known {
+impl DesignRecords {
     async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
         let criteria = store.criteria().await?;
         let responses = store.responses().await?;
@@ -81,8 +81,8 @@ impl Known {
         })
     }
 
-    fn of(&self, design: u64) -> OfDesign<'_> {
-        OfDesign {
+    fn of(&self, design: u64) -> DesignRecord<'_> {
+        DesignRecord {
             criteria: self.criteria.get(&design),
             response: self.responses.get(&design),
             samples: self.samples.get(&design).copied().unwrap_or(0),
@@ -93,8 +93,8 @@ impl Known {
         }
     }
 
-    /// Whether all constraints hold in the baseline state, by which the best of the DoE is chosen; none
-    /// where the variables that all designs share are not known yet.
+    /// Whether all constraints hold in the baseline state, by which the best of the DoE is chosen. `None` while
+    /// the variables that all designs share are not known.
     fn is_feasible(&self, problem: &Problem, x: &[f64], row: &CriteriaRow) -> Option<bool> {
         let Some(responses) = row.responses.as_deref() else {
             return Some(false);
@@ -105,8 +105,8 @@ impl Known {
     }
 }
 
-impl OfDesign<'_> {
-    /// Why the design has no samples, or fewer than it should have; empty where it has them.
+impl DesignRecord<'_> {
+    /// Why the design has no samples, or fewer than it should have; empty if it has them.
     fn reason(&self, sampling: &Sampling) -> String {
         if let Some(reason) = self.criteria.and_then(|row| row.reason.as_deref()) {
             return reason.to_owned();
@@ -171,13 +171,13 @@ mod tests {
             percentile_variance,
             lilliefors_p: None,
         });
-        let of_design = OfDesign {
+        let record = DesignRecord {
             criteria: criteria.as_ref(),
             response: response.as_ref(),
             samples,
             quarantined,
         };
-        of_design.reason(sampling)
+        record.reason(sampling)
     }
 
     #[test]

@@ -8,7 +8,7 @@ use ledger::StreamId;
 use stages::names;
 use store::{EvaluationRow, Store};
 
-use super::{Out, numbers, quantity, statistic};
+use super::{Destination, numbers, quantity, statistic};
 use crate::row;
 use crate::table::{Cell, Column};
 
@@ -16,7 +16,7 @@ use crate::table::{Cell, Column};
 pub(super) async fn write<W: Write + Send>(
     store: &Store,
     problem: &Problem,
-    out: Out<'_, W>,
+    out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
     let mut columns = vec![Column::text("approach")];
     columns.extend(["start", "evaluation"].map(Column::whole));

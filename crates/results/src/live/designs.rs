@@ -33,7 +33,7 @@ pub(crate) struct Designs {
     criteria: Vec<CriteriaRow>,
     /// The campaign's responses; empty until they are computed.
     responses: Vec<ResponseRow>,
-    /// Percentiles of the first samples; `None` where the samples give none.
+    /// Percentiles of the first samples; `None` if too many samples failed.
     preliminary: BTreeMap<u64, Option<ResponseRow>>,
     /// Whether more designs have their first samples than are in `preliminary`.
     is_behind: bool,
@@ -113,7 +113,7 @@ impl Designs {
         let rows = self.responses();
         let point = |row: &ResponseRow| {
             let design = self.designs.get(row.design as usize)?;
-            // Without a percentile, because too many of its samples have failed.
+            // A design without a percentile: too many of its samples failed.
             if !row.percentile.is_finite() {
                 return None;
             }
@@ -129,7 +129,7 @@ impl Designs {
     /// The feasible design with the best percentile, chosen as the campaign chooses it.
     pub(crate) fn best(&self, problem: &Problem, optima: &Optima) -> Option<BestOfDoe> {
         let chosen = optima.iter().map(|verified| &verified.optimum);
-        // There is no base before there are samples.
+        // Before the first samples, no base is known.
         let base = optima::base(problem, chosen).unwrap_or_else(|| problem.base().clone());
         let responses = self.responses();
         let optimum = choosing::choose_of_doe(

@@ -34,10 +34,9 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; c
 
 /// Interval between messages to a listening page, so that a broken connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(10);
-/// Open pages fetch the views that belong to the last status: they have done so when none has asked for
-/// this long.
+/// Time without a request after which all open pages have fetched the views of the last status.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// The longest time that they have.
+/// Maximum time for these requests.
 const LONGEST_FAREWELL: Duration = Duration::from_secs(3);
 
 /// Serves a site on `listener` until `stop`.
@@ -97,7 +96,6 @@ fn router(site: Arc<Site>, is_loopback: bool) -> Router {
     }
 }
 
-/// Adds the security headers.
 async fn guarded(mut response: Response) -> Response {
     let headers = response.headers_mut();
     for (name, value) in [

@@ -18,7 +18,7 @@ pub(crate) const MEDIA_TYPE: &str = "application/openmetrics-text; version=1.0.0
 #[must_use]
 pub fn render(status: Status) -> String {
     let mut registry = Registry::with_prefix("pitchline");
-    registry.register_collector(Box::new(Snapshot(status)));
+    registry.register_collector(Box::new(StatusCollector(status)));
     let mut text = String::new();
     // Writing to a string does not fail.
     let _ = encode(&mut text, &registry);
@@ -26,9 +26,9 @@ pub fn render(status: Status) -> String {
 }
 
 #[derive(Debug)]
-struct Snapshot(Status);
+struct StatusCollector(Status);
 
-impl Collector for Snapshot {
+impl Collector for StatusCollector {
     fn encode(&self, mut encoder: DescriptorEncoder<'_>) -> Result<(), std::fmt::Error> {
         let Status {
             designs,

@@ -10,8 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::optima::Optima;
-use crate::report::OptimiserRun;
-use crate::reporting;
+use crate::report::{self, OptimiserRun};
 use crate::running::Running;
 use crate::status::{self, Status};
 use axum::body::Bytes;
@@ -57,7 +56,6 @@ pub enum View {
 }
 
 impl View {
-    /// All views.
     pub const ALL: [Self; 7] = [
         Self::Status,
         Self::Workers,
@@ -86,7 +84,6 @@ impl View {
 /// A view as JSON, or an error in its place.
 #[derive(Debug, Clone)]
 pub struct Body {
-    /// The JSON.
     pub json: Bytes,
     /// Whether it is the view and not an error.
     pub is_ok: bool,
@@ -382,7 +379,7 @@ impl Site {
             runs.insert((approach, run.start), (run, false));
         }
         for row in rows {
-            let run = reporting::run(&problem, &row)?;
+            let run = OptimiserRun::read(&problem, &row)?;
             if let Some((approach, _)) = names::approach_and_start(row.stream) {
                 runs.insert((approach, run.start), (run, true));
             }
@@ -394,8 +391,8 @@ impl Site {
         let rows = self.store.rounds().await?;
         let infill = self.store.infill().await?;
         let point = names::verification(Approach::EnrichedKriging);
-        let fresh = self.store.values_of(point).await?;
-        let enrichment = reporting::rounds(problem, &rows, &infill, &fresh)?;
+        let verified = self.store.values_of(point).await?;
+        let enrichment = report::rounds(problem, &rows, &infill, &verified)?;
         let percentile = problem.campaign().sampling.percentile_name();
         in_background(move || views::rounds(enrichment.as_ref(), &percentile)).await
     }

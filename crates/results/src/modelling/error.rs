@@ -32,7 +32,7 @@ pub struct InputError {
     pub line: Option<u64>,
     /// The column's name, if one is concerned.
     pub column: Option<String>,
-    /// What was found, and what would be right.
+    /// The value found, and what would be right.
     pub message: String,
 }
 

@@ -1,6 +1,8 @@
 //! Cells far beyond the rest of their column: lost decimal points, marks of missing values such as 1e30.
 
-/// How many times larger than all others a cell must be. Honest columns with heavy tails stay far below: the
+use crate::number::rounded;
+
+/// Ratio of a far cell to the largest other cell. Honest columns with heavy tails stay far below: the
 /// largest of Cauchy-distributed numbers exceeds the second largest 10⁴ times in one table in ten thousand.
 const FACTOR: f64 = 1e4;
 
@@ -8,7 +10,7 @@ const FACTOR: f64 = 1e4;
 const SHARE: usize = 10;
 
 /// A warning if up to a tenth of a column's `values`, one of them at least, are very much larger than all
-/// others. `line` tells the line of a row.
+/// others. `line` is the line of a row.
 pub(crate) fn warning(name: &str, values: &[f64], line: impl Fn(usize) -> u64) -> Option<String> {
     let mut order: Vec<usize> = (0..values.len()).collect();
     order.sort_by(|&a, &b| values[b].abs().total_cmp(&values[a].abs()).then(a.cmp(&b)));
@@ -39,10 +41,7 @@ pub(crate) fn warning(name: &str, values: &[f64], line: impl Fn(usize) -> u64) -
         }
         all => (format!("lines {}", all.join(", ")), "lie"),
     };
-    let [low, high, example] = [low, high, values[rows[0]]].map(|value| {
-        let short = format!("{value:.3e}");
-        short.parse().unwrap_or(value)
-    });
+    let [low, high, example] = [low, high, values[rows[0]]].map(|value| rounded(value, 4));
     Some(format!(
         "{lines}{more} {lie} {magnitude:e} times beyond the rest of column {name:?}, {low} to {high}: \
          {example:e} may lack its decimal point or stand for a missing value"

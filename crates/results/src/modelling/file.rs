@@ -12,20 +12,18 @@ use crate::modelling::{Error, InputError, Quantity, SCHEMA_VERSION};
 #[derive(Debug, Clone)]
 pub struct ModelFile {
     /// The inputs, in the order of the model's coordinates, with the values that the fitted points span.
-    pub inputs: Vec<Input>,
-    /// The response.
+    pub inputs: Vec<ModelInput>,
     pub response: Quantity,
     /// The noise variance of a new observation, on the scale of the model: the nugget and the mean of the known
     /// noise variances.
     pub noise_variance: f64,
-    /// The model.
     pub surrogate: Surrogate,
 }
 
 /// An input of a model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Input {
+pub struct ModelInput {
     /// The column's name.
     pub name: String,
     /// The column's unit, if known.
@@ -36,19 +34,20 @@ pub struct Input {
     pub high: f64,
 }
 
+/// The file's JSON object.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Stored {
+struct ModelObject {
     schema_version: u32,
-    inputs: Vec<Input>,
+    inputs: Vec<ModelInput>,
     response: Quantity,
     noise_variance: f64,
     model: Value,
 }
 
-/// The part that must be readable whatever the rest looks like.
+/// The version alone, which is readable in an object of any version.
 #[derive(Deserialize)]
-struct Head {
+struct Version {
     schema_version: u32,
 }
 
@@ -63,7 +62,7 @@ impl ModelFile {
         let bounds = surrogate.bounds();
         assert_eq!(inputs.len(), bounds.len(), "one name for each coordinate");
         let inputs = inputs.iter().zip(bounds);
-        let inputs = inputs.map(|(Quantity { name, unit }, [low, high])| Input {
+        let inputs = inputs.map(|(Quantity { name, unit }, [low, high])| ModelInput {
             name: name.clone(),
             unit: unit.clone(),
             low,
@@ -85,7 +84,7 @@ impl ModelFile {
     pub fn to_json(&self) -> Result<Value, Error> {
         let text = self.surrogate.to_json()?;
         let json = |error| Error::Kriging(kriging::Error::Json(error));
-        serde_json::to_value(Stored {
+        serde_json::to_value(ModelObject {
             schema_version: SCHEMA_VERSION,
             inputs: self.inputs.clone(),
             response: self.response.clone(),
@@ -99,7 +98,7 @@ impl ModelFile {
     ///
     /// # Errors
     ///
-    /// The text is no such object, is of another version, or its parts contradict each other.
+    /// The text is not such an object, has another version, or its parts contradict each other.
     pub fn from_json(file: &str, text: &str) -> Result<Self, InputError> {
         let wrong = |message: String| InputError::in_file(file, message);
         let unreadable = |error: serde_json::Error| {
@@ -107,19 +106,19 @@ impl ModelFile {
                 format!("is no model file of `fit --out` or `export --table model`: {error}");
             wrong(message)
         };
-        let Head { schema_version } = serde_json::from_str(text).map_err(unreadable)?;
+        let Version { schema_version } = serde_json::from_str(text).map_err(unreadable)?;
         if schema_version != SCHEMA_VERSION {
             return Err(wrong(format!(
                 "schema_version is {schema_version}, but this program reads {SCHEMA_VERSION}"
             )));
         }
-        let stored: Stored = serde_json::from_str(text).map_err(unreadable)?;
+        let stored: ModelObject = serde_json::from_str(text).map_err(unreadable)?;
         let surrogate = Surrogate::from_json(&stored.model.to_string()).map_err(|error| {
             let cause = std::error::Error::source(&error);
             let cause = cause.map_or_else(String::new, |cause| format!(": {cause}"));
             wrong(format!("the model cannot be read: {error}{cause}"))
         })?;
-        let Stored {
+        let ModelObject {
             inputs,
             response,
             noise_variance,
@@ -139,7 +138,7 @@ impl ModelFile {
         }
         let mut seen = HashSet::new();
         for input in &inputs {
-            let Input {
+            let ModelInput {
                 name, low, high, ..
             } = input;
             if !seen.insert(name) {

@@ -27,7 +27,6 @@ pub struct Request {
 /// A fitted model and its summary.
 #[derive(Debug, Clone)]
 pub struct Fit {
-    /// The model.
     pub model: ModelFile,
     /// The model's parameters and validation.
     pub summary: Summary,

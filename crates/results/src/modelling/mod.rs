@@ -1,11 +1,11 @@
 //! Kriging models of a user's own table.
 //!
-//! - [`table`] reads a table, CSV or similar, and names the line and column of whatever is wrong in it.
+//! - [`table`] reads a table, CSV or similar, and names the line and column of an error in it.
 //! - [`fit()`] fits a model to columns of it, and validates the model.
 //! - [`file`](mod@file) is the model as JSON, with the names, units and bounds of its columns.
 //! - [`predict()`] predicts the response at the rows of another table.
 //!
-//! This crate knows neither gears nor campaigns: a column is what its header states.
+//! Nothing here knows gears or campaigns: a column is what its header states.
 
 mod error;
 mod far;
@@ -19,10 +19,10 @@ pub mod table;
 pub use error::{Error, InputError};
 pub use file::ModelFile;
 pub use fit::{Fit, Request, fit};
-pub use predict::{Predicted, Predictions, predict};
+pub use predict::{PointPrediction, Predictions, predict};
 pub use quantity::Quantity;
 pub use summary::Summary;
 pub use table::Table;
 
-/// Version of the JSON that this crate writes; raised when a change would make programs misread it.
+/// Version of the JSON that these functions write; raised when a change would make programs misread it.
 pub const SCHEMA_VERSION: u32 = 1;

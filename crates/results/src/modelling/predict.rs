@@ -1,7 +1,7 @@
 use serde::Serialize;
 
-use crate::modelling::file::Input;
-use crate::modelling::table::Skipped;
+use crate::modelling::file::ModelInput;
+use crate::modelling::table::SkippedRows;
 use crate::modelling::{Error, InputError, ModelFile, Quantity, SCHEMA_VERSION, Table};
 
 /// The response at the rows of a table, as a model predicts it.
@@ -9,7 +9,6 @@ use crate::modelling::{Error, InputError, ModelFile, Quantity, SCHEMA_VERSION, T
 pub struct Predictions {
     /// Version of this object's form.
     pub schema_version: u32,
-    /// The response.
     pub response: Quantity,
     /// The probability of `quantile`.
     pub level: f64,
@@ -19,17 +18,17 @@ pub struct Predictions {
     pub noise_variance: f64,
     /// The names of the inputs, in the order of each row's `at`.
     pub inputs: Vec<String>,
-    /// Columns of the table that are no inputs.
+    /// Columns of the table that are not inputs.
     pub unused: Vec<String>,
     /// Rows that the caller left out of the table, by the input that has no value there.
-    pub skipped: Vec<Skipped>,
+    pub skipped: Vec<SkippedRows>,
     /// One prediction for each row, in its order.
-    pub rows: Vec<Predicted>,
+    pub rows: Vec<PointPrediction>,
 }
 
 /// A prediction at one point, of the noise-free response unless said otherwise, in the response's unit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Predicted {
+pub struct PointPrediction {
     /// The row's line in the file, from 1.
     pub line: u64,
     /// The point.
@@ -96,7 +95,7 @@ pub fn predict(
     let surrogate = &model.surrogate;
     let rows = rows.map(|(row, (at, prediction))| {
         let observation = surrogate.observed(prediction, model.noise_variance);
-        Predicted {
+        PointPrediction {
             line: table.line(row),
             extrapolates: is_outside(&model.inputs, &at),
             at,
@@ -120,7 +119,7 @@ pub fn predict(
     })
 }
 
-fn is_outside(inputs: &[Input], at: &[f64]) -> bool {
+fn is_outside(inputs: &[ModelInput], at: &[f64]) -> bool {
     let mut pairs = inputs.iter().zip(at);
     pairs.any(|(input, value)| !(input.low..=input.high).contains(value))
 }
@@ -200,7 +199,7 @@ mod tests {
             let found = predict(&model, &at, 0.9, 0.95).unwrap();
             assert_eq!(found.unused, ["note"]);
             let truth = (0.4_f64 - 0.6).exp();
-            let Predicted {
+            let PointPrediction {
                 mean,
                 standard_error,
                 quantile,
@@ -254,7 +253,7 @@ mod tests {
                 let model = fit(&table, &request).unwrap().model;
                 let at = Table::parse("at.csv", "x\n0.5\n").unwrap();
                 let found = predict(&model, &at, 0.9, 0.95).unwrap();
-                let Predicted {
+                let PointPrediction {
                     mean,
                     standard_error,
                     mean_interval,

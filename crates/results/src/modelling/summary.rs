@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use kriging::Settings;
 use serde::Serialize;
 
-use crate::modelling::table::{Skipped, UnusedColumn};
+use crate::modelling::table::{SkippedRows, UnusedColumn};
 use crate::modelling::{ModelFile, Quantity, Request, SCHEMA_VERSION, Table};
 
 /// The parameters and the validation of a model that was fitted to a table. Quantities of the response are
@@ -16,18 +16,16 @@ pub struct Summary {
     pub schema_version: u32,
     /// The table's file, as the user named it.
     pub file: String,
-    /// How the table was read, where it is not plain CSV.
+    /// How the table was read, if it is not plain CSV.
     pub format: Vec<String>,
-    /// The response.
     pub response: Quantity,
     /// The column of noise variances.
     pub variance: Option<String>,
-    /// The inputs.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<InputSummary>,
     /// Columns of the table that the model does not use, and why.
     pub unused: Vec<UnusedColumn>,
     /// Rows that were left out, by the column that has no value there.
-    pub skipped: Vec<Skipped>,
+    pub skipped: Vec<SkippedRows>,
     /// Number n of observations.
     pub observations: usize,
     /// Number of points, nearly equal ones counted once.
@@ -38,7 +36,6 @@ pub struct Summary {
     pub is_approximate: bool,
     /// The criterion that the parameters maximise.
     pub estimator: kriging::Estimator,
-    /// The trend.
     pub trend: kriging::Trend,
     /// Whether the response or its logarithm is modelled.
     pub response_scale: kriging::Response,
@@ -54,7 +51,6 @@ pub struct Summary {
     pub calibration: f64,
     /// −ln L.
     pub negative_log_likelihood: f64,
-    /// The validation.
     pub leave_one_out: Validation,
     /// Warnings, by column and line.
     pub warnings: Vec<String>,
@@ -62,7 +58,7 @@ pub struct Summary {
 
 /// An input of the model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Input {
+pub struct InputSummary {
     /// The column's name.
     pub name: String,
     /// The column's unit, if its name says it.
@@ -79,7 +75,7 @@ pub struct Input {
     pub slope: Option<f64>,
 }
 
-/// How well each observation is predicted from those of all other points.
+/// Errors of the predictions of each observation from all other points.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Validation {
     /// Root mean square of the residuals, in the unit of the response.
@@ -101,12 +97,12 @@ pub struct Largest {
     pub standardised: f64,
 }
 
-/// What a model was fitted to.
+/// The data of a fit.
 pub(crate) struct Origin<'a> {
     /// The table, without the rows that were left out.
     pub(crate) table: &'a Table,
     pub(crate) unused: Vec<UnusedColumn>,
-    pub(crate) skipped: Vec<Skipped>,
+    pub(crate) skipped: Vec<SkippedRows>,
     pub(crate) warnings: Vec<String>,
 }
 
@@ -120,14 +116,18 @@ pub(crate) fn of(
     let surrogate = &model.surrogate;
     let leave_one_out = surrogate.leave_one_out();
     let parameters = surrogate.parameters();
-    let inputs = model.inputs.iter().enumerate().map(|(j, input)| Input {
-        name: input.name.clone(),
-        unit: input.unit.clone(),
-        low: input.low,
-        high: input.high,
-        range: Some(parameters.ranges[j]).filter(|range| range.is_finite()),
-        slope: parameters.slopes.get(j).copied(),
-    });
+    let inputs = model
+        .inputs
+        .iter()
+        .enumerate()
+        .map(|(j, input)| InputSummary {
+            name: input.name.clone(),
+            unit: input.unit.clone(),
+            low: input.low,
+            high: input.high,
+            range: Some(parameters.ranges[j]).filter(|range| range.is_finite()),
+            slope: parameters.slopes.get(j).copied(),
+        });
     Summary {
         schema_version: SCHEMA_VERSION,
         file: table.file().to_owned(),
@@ -241,7 +241,7 @@ pub fn describe(summary: &Summary) -> String {
     for UnusedColumn { column, reason } in &summary.unused {
         line("not used", format!("{column}: {reason}"));
     }
-    for Skipped { column, lines } in &summary.skipped {
+    for SkippedRows { column, lines } in &summary.skipped {
         let count = lines.len();
         let listed: Vec<String> = lines.iter().take(20).map(u64::to_string).collect();
         let more = if count > listed.len() { ", …" } else { "" };

@@ -1,8 +1,8 @@
 //! Tables of users, as spreadsheets, statistics programs and simulators write them. Errors name file, line and
 //! column.
 //!
-//! Delimiter, decimal comma and encoding are found out from the text. What can be read in one way only is
-//! read, and [`Table::format`] says how; what can be read in several ways is refused.
+//! Delimiter, decimal comma and encoding are found from the text. A text with one possible reading is read, and
+//! [`Table::format`] says how; a text with several is refused.
 
 mod dialect;
 mod number;
@@ -31,20 +31,19 @@ pub struct Table {
 pub struct UnusedColumn {
     /// The column's name, or its number where it has none.
     pub column: String,
-    /// Why it is not used.
+    /// Why the column is not used.
     pub reason: String,
 }
 
 /// Rows that were left out since a column has no value there.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
-pub struct Skipped {
-    /// The column.
+pub struct SkippedRows {
     pub column: String,
     /// The lines of the rows, from 1.
     pub lines: Vec<u64>,
 }
 
-/// What the cells of a column are.
+/// The kind of a column's cells.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Content {
     /// At least one number, and not always the same.
@@ -77,7 +76,7 @@ impl Table {
         &self.file
     }
 
-    /// How the text was read, where that is not plain CSV: delimiter, decimal comma, encoding, comments, units.
+    /// How the text was read, if it is not plain CSV: delimiter, decimal comma, encoding, comments, units.
     #[must_use]
     pub fn format(&self) -> &[String] {
         &self.format
@@ -117,7 +116,7 @@ impl Table {
     ///
     /// # Panics
     ///
-    /// If there is no such row.
+    /// If the row does not exist.
     #[must_use]
     pub fn line(&self, row: usize) -> u64 {
         self.rows[row].line
@@ -127,7 +126,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// There is no such column.
+    /// The column does not exist.
     pub fn position(&self, name: &str) -> Result<usize, InputError> {
         let position = self.header.iter().position(|head| head == name);
         position.ok_or_else(|| {
@@ -141,7 +140,7 @@ impl Table {
     ///
     /// # Errors
     ///
-    /// There is no such column, or one of its fields is no finite number.
+    /// The column does not exist, or one of its fields is not a finite number.
     pub fn numbers(&self, name: &str) -> Result<Vec<f64>, InputError> {
         let column = self.position(name)?;
         let number = |row: &Record| {
@@ -166,12 +165,12 @@ impl Table {
         self.rows.iter().map(number).collect()
     }
 
-    /// Removes the rows in which one of these columns has no value, and says which they were.
+    /// Removes the rows in which one of these columns has no value, and returns them.
     ///
     /// # Errors
     ///
-    /// There is no such column, or no row is left.
-    pub fn skip_missing(&mut self, columns: &[&str]) -> Result<Vec<Skipped>, InputError> {
+    /// The column does not exist, or no row is left.
+    pub fn skip_missing(&mut self, columns: &[&str]) -> Result<Vec<SkippedRows>, InputError> {
         let mut skipped = Vec::new();
         for name in columns {
             let column = self.position(name)?;
@@ -181,7 +180,7 @@ impl Table {
                 .partition(is_missing);
             self.rows = rows;
             if !missing.is_empty() {
-                skipped.push(Skipped {
+                skipped.push(SkippedRows {
                     column: (*name).to_owned(),
                     lines: missing.iter().map(|row| row.line).collect(),
                 });
@@ -195,7 +194,7 @@ impl Table {
         Ok(skipped)
     }
 
-    /// What the cells of the column at `position` are.
+    /// The kind of the cells of the column at `position`.
     pub(crate) fn content(&self, position: usize) -> Content {
         let mut numbers = self
             .cells(position)

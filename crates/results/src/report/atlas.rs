@@ -1,9 +1,9 @@
-//! What the page of the stability atlas is made from: entries, what each found, and curves.
+//! The entries of the stability atlas.
 
 use crate::report::quantity::NamedValue;
 use crate::report::svg::Chart;
 
-/// Everything that the page of the stability atlas shows.
+/// The stability atlas.
 #[derive(Debug, Clone)]
 pub struct AtlasPage {
     /// The version of the program, for the page's end.
@@ -17,28 +17,25 @@ pub struct AtlasPage {
 pub struct AtlasMethod {
     /// The method's name, which begins with a capital letter.
     pub name: String,
-    /// Its entries.
     pub entries: Vec<AtlasEntry>,
 }
 
-/// An input on which a method breaks or nearly does, and what became of it.
+/// An input on which a method breaks or nearly does.
 #[derive(Debug, Clone)]
 pub struct AtlasEntry {
     /// A short stable name, also the anchor in the page.
     pub id: String,
-    /// What happens, in a few words.
+    /// The failure, in a few words.
     pub title: String,
-    /// The input.
     pub input: String,
     /// Names of the warnings, refusals and reasons that the code returned; empty if it returned none.
     pub detected: Vec<String>,
     /// The messages that go with them.
     pub told: Vec<String>,
-    /// What is done instead of failing.
+    /// The fallback.
     pub instead: String,
-    /// What was promised, and whether it was kept.
+    /// The promises, each with whether it was kept.
     pub promises: Vec<(String, bool)>,
-    /// What was measured.
     pub figures: Vec<NamedValue>,
     /// Curves, where they say more than figures.
     pub charts: Vec<Chart>,

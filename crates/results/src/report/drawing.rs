@@ -1,8 +1,13 @@
-//! What the built-in model draws of a pair of gears.
+//! Drawings and curves of a pair of gears, by the built-in model.
 
+use std::collections::BTreeMap;
+
+use campaign::Approach;
 use gear::Member;
+use stages::optima::Optimum;
 
-use crate::report::data::{ContactPattern, GearDrawing, GearOutline, SteCurves};
+use crate::converged::difference_um;
+use crate::snapshot::Snapshot;
 
 /// Points on each flank of a drawn gear.
 const OUTLINE_POINTS: usize = 24;
@@ -10,7 +15,110 @@ const OUTLINE_POINTS: usize = 24;
 /// Parts of a flank along the path of contact and across the face in the contact pattern.
 const PATTERN_PARTS: [usize; 2] = [30, 20];
 
-/// The gears of a pair in mesh, for [`super::chart_gears`].
+/// Drawings and curves of a pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Illustration {
+    /// P90 on the converged grid less P90 on the campaign's grid, from the same wear, µm.
+    pub converged_difference_um: Option<f64>,
+    /// The gears in mesh.
+    pub drawing: GearDrawing,
+    /// Static transmission error over one mesh period.
+    pub ste: SteCurves,
+    /// Contact pressure over the flank.
+    pub contact: Option<ContactPattern>,
+}
+
+/// Two gears in mesh, positioned in one transverse plane; all lengths in mm, y upwards.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GearDrawing {
+    pub pinion: GearOutline,
+    pub mate: GearOutline,
+    /// Ends of the path of contact.
+    pub line_of_action: Option<[[f64; 2]; 2]>,
+    /// Face width, mm.
+    pub face_width_mm: f64,
+    /// Rotation of the far end of the face against the near one, for pinion and mate, radians anticlockwise;
+    /// zero for spur gears.
+    pub twist_rad: [f64; 2],
+}
+
+/// One gear's outline.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GearOutline {
+    /// Points of the outline in order: all round the gear, or the teeth near the contact only.
+    pub outline: Vec<[f64; 2]>,
+    /// Centre of the gear.
+    pub centre: [f64; 2],
+    /// Radius of the operating pitch circle.
+    pub pitch_radius_mm: Option<f64>,
+    /// Radius of the base circle.
+    pub base_radius_mm: Option<f64>,
+}
+
+/// Static transmission error over one mesh period.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SteCurves {
+    /// Mesh phase as a share of the period, usually 0 to 1.
+    pub phase: Vec<f64>,
+    /// STE of the unworn gears at each phase, µm; may be empty.
+    pub unworn_um: Vec<f64>,
+    /// STE with Archard's wear at each phase, µm; may be empty.
+    pub worn_um: Vec<f64>,
+}
+
+/// Contact pressure along the path of contact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PressureCurves {
+    /// Places on the path of contact, mm from the pitch point; negative where the pinion's root is
+    /// in contact.
+    pub place_mm: Vec<f64>,
+    /// Largest pressure over the mesh period at each place on unworn flanks, MPa; may be empty.
+    pub unworn_mpa: Vec<f64>,
+    /// Largest pressure with Archard's wear, MPa; may be empty.
+    pub worn_mpa: Vec<f64>,
+}
+
+/// Contact pressure over the flank of one tooth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactPattern {
+    /// Whether the flanks have the mean wear.
+    pub is_worn: bool,
+    /// Middles of even parts of the path of contact, mm from the pitch point; negative where the pinion's
+    /// root is in contact.
+    pub place_mm: Vec<f64>,
+    /// Middles of even parts of the face, mm.
+    pub across_mm: Vec<f64>,
+    /// Pressure when the line of contact passes, MPa: a row for each place on the path.
+    pub pressure_mpa: Vec<Vec<f64>>,
+    /// The lines of contact at one moment: place across the face and place on the path of both ends.
+    pub lines: Vec<[[f64; 2]; 2]>,
+}
+
+/// Drawings and curves of the optima; empty for an external simulator.
+pub(super) fn illustrations(snapshot: &Snapshot) -> BTreeMap<Approach, Illustration> {
+    let problem = &snapshot.problem;
+    let built_in = !problem.campaign().is_external();
+    let Some(gears) = problem.gears().filter(|_| built_in) else {
+        return BTreeMap::new();
+    };
+    let illustration = |optimum: &Optimum| {
+        let found = optimum.found.as_ref().ok()?;
+        let pair = gears.pair(&found.design).ok()?;
+        let illustration = Illustration {
+            converged_difference_um: difference_um(problem, &found.design),
+            drawing: drawing(&pair),
+            ste: ste(&pair, gears.wear()),
+            contact: Some(contact(&pair, Some(gears.wear()))),
+        };
+        Some((optimum.approach, illustration))
+    };
+    let optima = snapshot.optima.iter();
+    optima
+        .filter_map(|verified| illustration(&verified.optimum))
+        .collect()
+}
+
+/// The gears of a pair in mesh, for [`charts::gears`](super::charts::gears).
 #[must_use]
 pub fn drawing(pair: &gear::Pair) -> GearDrawing {
     let geometry = pair.geometry();
@@ -53,7 +161,7 @@ fn path_of_contact(geometry: &gear::Geometry) -> [[f64; 2]; 2] {
 }
 
 /// Contact pressure over the flank of a pair, with the mean wear or without any, for
-/// [`super::chart_contact`].
+/// [`charts::contact`](super::charts::contact).
 #[must_use]
 pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
     let geometry = pair.geometry();
@@ -88,7 +196,7 @@ pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
 }
 
 /// The transmission error of a pair over one mesh period, unworn and with the mean wear, for
-/// [`super::chart_ste`].
+/// [`charts::ste`](super::charts::ste).
 #[must_use]
 pub fn ste(pair: &gear::Pair, wear: &gear::Wear) -> SteCurves {
     let unworn = pair.unworn();

@@ -6,9 +6,8 @@ pub enum Error {
     /// never returns this: it writes the sentence in the chart's place.
     #[error("{chart}: nothing to draw, because {why}")]
     NothingToDraw {
-        /// Which chart.
         chart: &'static str,
-        /// What is missing, as the end of a sentence.
+        /// The missing data, as the end of a sentence.
         why: &'static str,
     },
     /// Two lists that describe the same points have different lengths.
@@ -16,16 +15,8 @@ pub enum Error {
     LengthMismatch {
         /// The list at fault.
         what: &'static str,
-        /// How many values it should have.
         expected: usize,
-        /// How many it has.
         found: usize,
-    },
-    /// A printed design names a figure that shows no design.
-    #[error("figure {figure} of the paper shows no design, only figures 6 to 10 do")]
-    UnknownFigure {
-        /// The figure's number as given.
-        figure: u8,
     },
     /// The page template failed.
     #[error("filling the page template failed")]

@@ -1,10 +1,11 @@
-//! Charts and the HTML report.
+//! The report of a campaign, and other pages and charts.
 //!
-//! [`render`] turns [`ReportData`] into one self-contained HTML page: style and charts are inline,
-//! nothing is loaded and nothing runs, so the page can be mailed, archived and printed.
-//! [`render_pair`] does the same for one gear pair, and [`render_atlas`] for the stability atlas. The
-//! `chart_*` functions return the same charts as files of their own. Everything is a pure function
-//! of its input: equal data give equal bytes.
+//! [`Report::read`] takes the [`Snapshot`](crate::snapshot::Snapshot) of a campaign and computes what its page shows
+//! besides: drawings, wear profiles, slices of the model, the paper's designs. [`render`] turns it into one
+//! self-contained HTML page: style and charts are inline, nothing is loaded and nothing runs, so the page can be
+//! mailed, archived and printed. [`write()`] does both. [`render_pair`] makes the page of one gear pair,
+//! [`render_atlas`] the stability atlas, and [`charts`] has every chart by itself. Rendering is a pure function of
+//! its input: equal data give equal bytes.
 //!
 //! The charts come from a small SVG writer of this crate rather than from a plotting library. The
 //! page has to follow the reader's light or dark theme, which needs classes instead of fixed
@@ -15,39 +16,47 @@
 //! stresses, radians for roll angles, degrees for the helix angle.
 
 mod atlas;
-mod charts;
-mod comparison;
-mod data;
+pub mod charts;
+mod contents;
+mod doe;
 mod drawing;
+mod enrichment;
 mod error;
-mod number;
+mod facts;
+mod head;
+mod model;
+mod notes;
 mod page;
 pub mod paper;
+mod printed;
 mod quantity;
+mod runs;
 mod summary;
 mod svg;
 mod symbols;
+mod wear;
+mod write;
 
 pub use atlas::{AtlasEntry, AtlasMethod, AtlasPage};
-pub use charts::{
-    Extent, PercentileSeries, Response, ResponseMap, TradeoffChart, TradeoffSeries, chart_contact,
-    chart_convergence, chart_expected_improvement, chart_front, chart_gears, chart_leave_one_out,
-    chart_map, chart_prediction, chart_pressure, chart_responses, chart_solid, chart_ste,
-    chart_teeth, chart_tradeoff, chart_wear,
+pub use contents::{GearFigures, Report};
+pub(crate) use doe::statistics;
+pub use doe::{DoePoint, Response};
+pub use drawing::{
+    ContactPattern, GearDrawing, GearOutline, Illustration, PressureCurves, SteCurves, contact,
+    drawing, ste,
 };
-pub use comparison::{Comparison, comparison_markdown, comparisons};
-pub use data::{
-    ContactPattern, DoePoint, Enrichment, EnrichmentRound, GearData, GearDrawing, GearOutline,
-    Header, Illustration, KrigingFit, LeaveOneOut, ModelFigure, OptimiserRun, PairPage, Parameter,
-    PreliminaryDesign, PressureCurves, PrintedDesign, PrintedFigures, ReportData, SimilarDesign,
-    Slice, SteCurves, VariableIndices, WearProfiles,
-};
-pub use drawing::{contact, drawing, ste};
+pub use enrichment::{Enrichment, EnrichmentRound, rounds};
 pub use error::Error;
+pub use model::{Slice, VariableIndices};
 pub use page::{
-    ChartFile, PAGE_STYLE, ReportFiles, TradeoffPage, TradeoffRow, TradeoffStudy, campaign_digest,
-    render, render_atlas, render_pair, render_tradeoff,
+    ChartFile, PAGE_STYLE, PairPage, ReportFiles, TradeoffPage, TradeoffRow, TradeoffStudy,
+    campaign_digest, render, render_atlas, render_pair, render_tradeoff,
 };
+pub use printed::{PaperFigures, PreliminaryDesign, PrintedDesign, PrintedFigure, SimilarDesign};
+pub(crate) use quantity::label;
 pub use quantity::{NamedValue, approach_name, variable_name, variables};
-pub use svg::{Axis, Chart, Mark, Scale, Series};
+pub use runs::OptimiserRun;
+pub use svg::{Axis, Chart, Mark, Picture, Scale, Series};
 pub use symbols::symbol;
+pub use wear::WearProfiles;
+pub use write::{CHARTS, FILE, write};

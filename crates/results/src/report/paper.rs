@@ -5,10 +5,20 @@ pub use gear::paper::printed::*;
 
 use campaign::Approach;
 
+/// A gap beyond this share of the paper's figure is marked.
+pub(crate) const NOTABLE_GAP: f64 = 0.20;
+
+/// `ours` over the `paper`'s figure, minus one; NaN where that has no meaning.
+pub(crate) fn gap(ours: f64, paper: f64) -> f64 {
+    match paper {
+        0.0 => f64::NAN,
+        _ => (ours - paper) / paper.abs(),
+    }
+}
+
 /// A row of Table 5: the design that one approach found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApproachRow {
-    /// Which approach.
     pub approach: Approach,
     /// x_p, x_r, ha0_p, ha0_r, hf0_p, hf0_r.
     pub variables: [f64; 6],
@@ -16,7 +26,7 @@ pub struct ApproachRow {
     pub criterion: f64,
     /// P90 from 500 samples, µm.
     pub p90_um: f64,
-    /// What the paper says the approach costs, in simulator calls.
+    /// The cost in simulator calls, in the paper's words.
     pub cost: &'static str,
     /// The figure (7 to 10) that shows the design and prints its constraints.
     pub figure: u8,
@@ -67,6 +77,13 @@ pub fn approach(approach: Approach) -> Option<&'static ApproachRow> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn gaps_are_relative_to_the_paper() {
+        assert_eq!(gap(3.0, 2.0), 0.5);
+        assert_eq!(gap(1.0, 2.0), -0.5);
+        assert!(gap(1.0, 0.0).is_nan());
+    }
 
     /// Figures 7 to 10 and Table 5 print the same designs.
     #[test]

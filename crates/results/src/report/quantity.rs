@@ -1,19 +1,26 @@
-//! Names of what a problem has, as pages show them.
+//! Names of variables and approaches, as pages show them.
 
 use campaign::Approach;
 use campaign::formulation::{Design, Problem};
+use serde::Serialize;
 
 use crate::report::symbols::symbol;
 
 /// A number with its name and unit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NamedValue {
-    /// The name.
     pub name: String,
-    /// The unit; empty for a number without one.
+    /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: String,
-    /// The number.
     pub value: f64,
+}
+
+/// A quantity with its unit, if it has one: `depth (mm)`.
+pub(crate) fn label(name: &str, unit: &str) -> String {
+    match unit {
+        "" => name.to_owned(),
+        unit => format!("{name} ({unit})"),
+    }
 }
 
 /// The name of a variable: its symbol for gears, its own name for other problems.
@@ -41,7 +48,7 @@ pub fn approach_name(problem: &Problem, approach: Approach) -> &'static str {
     }
 }
 
-/// What an approach to the design of gears minimises; `percentile` is its name.
+/// The criterion that an approach to the design of gears minimises; `percentile` is the percentile's name.
 pub(crate) fn criterion_name(approach: Approach, percentile: &str) -> String {
     match approach {
         Approach::Nominal => "ΔSTE without wear".to_owned(),

@@ -1,65 +1,75 @@
-//! What stands at the head of every report: what was put in, what is missing, what is recommended.
+//! The head of every report: what was put in, what is missing, and what is recommended.
 
-use campaign::formulation::{Constraint, Problem};
+use campaign::Approach;
+use campaign::formulation::Constraint;
 use stats::OrderStatistic;
 
+use super::contents::Report;
+use super::head;
+use super::quantity::{NamedValue, approach_name, variables};
+use crate::number::{count, digits_of, estimate, interval, percent, seconds, with_unit};
 use crate::optima::{VerifiedOptimum, is_ranked};
-use crate::report::data::ReportData;
-use crate::report::number::{MISSING, count, percent, seconds, significant};
-use crate::report::quantity::{approach_name, variables};
 
 /// The summary as text.
-pub(crate) struct SummaryView {
-    pub(crate) missing: String,
+pub(crate) struct SummaryView<'a> {
+    pub(crate) report: &'a Report,
+    /// Label and value.
     pub(crate) inputs: Vec<(String, String)>,
     pub(crate) headline: String,
-    pub(crate) others: String,
-    pub(crate) cost: String,
-    pub(crate) variables: Vec<(String, String)>,
-    pub(crate) margins: Vec<[String; 4]>,
-    pub(crate) left_out: String,
-    pub(crate) made: String,
+    pub(crate) recommended: Option<RecommendedView>,
 }
 
-/// Digits of variables.
-const DIGITS: usize = 5;
+/// The recommended design.
+pub(crate) struct RecommendedView {
+    pub(crate) variables: Vec<NamedValue>,
+    /// Quantity, value, limit, margin.
+    pub(crate) margins: Vec<[String; 4]>,
+    /// The differences of the other approaches, and the cost.
+    pub(crate) sentences: Vec<String>,
+    /// Effects that its percentile leaves out.
+    pub(crate) left_out: String,
+}
 
-impl SummaryView {
-    /// The summary of a report; `fallback` is what it says where nothing can be recommended.
-    pub(crate) fn new(data: &ReportData, fallback: &str) -> Self {
-        let made = data.made.iter();
+impl<'a> SummaryView<'a> {
+    pub(crate) fn new(report: &'a Report) -> Self {
+        let is_finished = report.missing.is_empty();
+        let best = report.snapshot.optima.recommended().filter(|_| is_finished);
+        Self {
+            report,
+            inputs: head::inputs(&report.snapshot),
+            headline: match best {
+                _ if !is_finished => {
+                    "The campaign is unfinished, so this report recommends nothing.".to_owned()
+                }
+                None => format!(
+                    "No approach ended on a feasible design with a verified {}.",
+                    report.snapshot.percentile_name()
+                ),
+                Some(best) => headline(report, best),
+            },
+            recommended: best.map(|best| RecommendedView::new(report, best)),
+        }
+    }
+
+    /// Where and when the report was made.
+    pub(crate) fn made(&self) -> String {
+        let made = self.report.made.iter();
         let made = made.map(|(label, value)| format!("{label}: {value}"));
-        let mut view = Self {
-            missing: data.missing.join("; "),
-            inputs: data.inputs.clone(),
-            headline: fallback.to_owned(),
-            others: String::new(),
-            cost: String::new(),
-            variables: Vec::new(),
-            margins: Vec::new(),
-            left_out: String::new(),
-            made: made.collect::<Vec<_>>().join(". "),
-        };
-        if !data.missing.is_empty() {
-            view.headline =
-                "The campaign is unfinished, so this report recommends nothing.".to_owned();
-            return view;
+        made.collect::<Vec<_>>().join(". ")
+    }
+}
+
+impl RecommendedView {
+    fn new(report: &Report, best: &VerifiedOptimum) -> Self {
+        let problem = report.problem();
+        let found = best.optimum.feasible();
+        let sentences = [others(report), cost(report, best)];
+        Self {
+            variables: found.map_or_else(Vec::new, |found| variables(problem, &found.design)),
+            margins: best.constraints.iter().map(margin).collect(),
+            sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
+            left_out: head::left_out(problem),
         }
-        let Some(best) = data.optima.recommended() else {
-            return view;
-        };
-        view.headline = headline(data, best);
-        view.others = others(data);
-        view.cost = cost(data, best);
-        if let Some(found) = best.optimum.feasible() {
-            let variables = variables(&data.problem, &found.design).into_iter();
-            view.variables = variables
-                .map(|v| (v.name, with_unit(v.value, DIGITS, &v.unit)))
-                .collect();
-        }
-        view.margins = best.constraints.iter().map(margin).collect();
-        view.left_out.clone_from(&data.left_out);
-        view
     }
 }
 
@@ -84,71 +94,36 @@ fn margin(constraint: &Constraint) -> [String; 4] {
     ]
 }
 
-/// A number with its unit, if it has one.
-pub(crate) fn with_unit(value: f64, digits: usize, unit: &str) -> String {
-    format!("{} {unit}", significant(value, digits))
-        .trim_end()
-        .to_owned()
-}
-
-/// The digits with which both ends of an interval differ from its middle, at least three.
-pub(crate) fn digits_of(percentile: &OrderStatistic) -> usize {
-    let Some((low, high)) = percentile.interval else {
-        return 3;
-    };
-    let distinct = |digits: &usize| {
-        let [low, value, high] =
-            [low, percentile.value, high].map(|value| significant(value, *digits));
-        low != value && value != high
-    };
-    (3..7).find(distinct).unwrap_or(3)
-}
-
-/// A percentile with its unit, and its interval; of one that is not known, dashes.
-pub(crate) fn percentile_and_interval(
-    percentile: Option<OrderStatistic>,
-    digits: usize,
-    unit: &str,
-) -> [String; 2] {
-    let Some(percentile) = percentile else {
-        return [MISSING, MISSING].map(str::to_owned);
-    };
-    let digits = digits_of(&percentile).max(digits);
-    let interval = match percentile.interval {
-        None => "none: too few samples".to_owned(),
-        Some((low, high)) => {
-            let [low, high] = [low, high].map(|end| significant(end, digits));
-            format!("{low} to {high}")
-        }
-    };
-    [with_unit(percentile.value, digits, unit), interval]
-}
-
-fn headline(data: &ReportData, best: &VerifiedOptimum) -> String {
-    let problem = &data.problem;
+fn headline(report: &Report, best: &VerifiedOptimum) -> String {
+    let problem = report.problem();
     let response = match problem.gears() {
         Some(_) => "ΔSTE",
         None => &problem.sampled().name,
     };
-    let [value, interval] = percentile_and_interval(best.percentile, 3, &problem.sampled().unit);
-    let has_interval = best.percentile.is_some_and(|p| p.interval.is_some());
-    let interval = match has_interval {
-        false => "no 95 % interval".to_owned(),
-        true => format!("95 % interval {interval}"),
+    let unit = &problem.sampled().unit;
+    let ends = best.percentile.and_then(|percentile| percentile.interval);
+    let value = best
+        .percentile
+        .map_or(f64::NAN, |percentile| percentile.value);
+    let digits = digits_of(value, ends);
+    let value = with_unit(value, digits, unit);
+    let interval = match ends {
+        None => "no 95 % interval".to_owned(),
+        Some(ends) => format!("95 % interval {}", interval(ends, digits)),
     };
     let mut text = format!(
         "The recommended design has a verified {} of {response} of {value} ({interval}, {} samples). It was found \
          by the approach “{}”.",
-        data.header.percentile,
+        report.snapshot.percentile_name(),
         count(best.samples().len() as u64),
         approach_name(problem, best.optimum.approach),
     );
-    if !has_interval {
+    if ends.is_none() {
         text += " The samples are too few for an interval at this level.";
     }
     let is_alike =
         |difference: OrderStatistic| difference.interval.is_some_and(|(low, _)| low <= 0.0);
-    let alike: Vec<&str> = behind(data)
+    let alike: Vec<&str> = behind(report)
         .filter(|(_, difference)| is_alike(*difference))
         .map(|(name, _)| name)
         .collect();
@@ -162,24 +137,21 @@ fn headline(data: &ReportData, best: &VerifiedOptimum) -> String {
 }
 
 /// The other ranked approaches, with how much worse their percentiles are.
-fn behind(data: &ReportData) -> impl Iterator<Item = (&'static str, OrderStatistic)> {
-    let name = |other: &VerifiedOptimum| approach_name(&data.problem, other.optimum.approach);
-    let ranked = data.optima.ranked();
+fn behind(report: &Report) -> impl Iterator<Item = (&'static str, OrderStatistic)> {
+    let name = |other: &VerifiedOptimum| approach_name(report.problem(), other.optimum.approach);
+    let ranked = report.snapshot.optima.ranked();
     ranked.filter_map(move |other| Some((name(other), other.behind?)))
 }
 
-/// What the other approaches differ by, from samples with the same random numbers.
-fn others(data: &ReportData) -> String {
-    let unit = &data.problem.sampled().unit;
-    let others: Vec<String> = behind(data)
+/// The differences of the other approaches, from samples with the same random numbers.
+fn others(report: &Report) -> String {
+    let unit = &report.problem().sampled().unit;
+    let others: Vec<String> = behind(report)
         .filter_map(|(name, difference)| {
-            let (low, high) = difference.interval?;
-            let digits = digits_of(&difference);
+            let ends = difference.interval?;
             Some(format!(
-                "{name} by {} [{}; {}]",
-                with_unit(difference.value, digits, unit),
-                significant(low, digits),
-                significant(high, digits)
+                "{name} by {}",
+                estimate(difference.value, Some(ends), unit)
             ))
         })
         .collect();
@@ -192,15 +164,15 @@ fn others(data: &ReportData) -> String {
     )
 }
 
-fn cost(data: &ReportData, best: &VerifiedOptimum) -> String {
+fn cost(report: &Report, best: &VerifiedOptimum) -> String {
     let cost = best.optimum.cost;
     let mut text = format!(
         "Finding it took {} calls of the simulator and {} s of CPU time.",
         count(cost.simulator_calls),
         seconds(cost.cpu_seconds),
     );
-    let problem = &data.problem;
-    let not_ranked: Vec<&str> = not_ranked(problem, data)
+    let problem = report.problem();
+    let not_ranked: Vec<&str> = not_ranked(report)
         .map(|approach| approach_name(problem, approach))
         .collect();
     if !not_ranked.is_empty() {
@@ -212,24 +184,11 @@ fn cost(data: &ReportData, best: &VerifiedOptimum) -> String {
     text
 }
 
-fn not_ranked(problem: &Problem, data: &ReportData) -> impl Iterator<Item = campaign::Approach> {
-    let approaches = data.optima.iter().map(|other| other.optimum.approach);
-    approaches.filter(|approach| !is_ranked(problem, *approach))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_interval_never_vanishes_in_the_digits() {
-        let percentile = |value: f64, half: f64| OrderStatistic {
-            n: 6000,
-            value,
-            interval: Some((value - half, value + half)),
-        };
-        assert_eq!(digits_of(&percentile(1.49, 0.01)), 3);
-        assert_eq!(digits_of(&percentile(1.49, 0.002)), 4);
-        assert_eq!(digits_of(&percentile(f64::NAN, 0.1)), 3);
-    }
+fn not_ranked(report: &Report) -> impl Iterator<Item = Approach> {
+    let approaches = report
+        .snapshot
+        .optima
+        .iter()
+        .map(|other| other.optimum.approach);
+    approaches.filter(|approach| !is_ranked(report.problem(), *approach))
 }

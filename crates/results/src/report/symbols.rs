@@ -1,6 +1,6 @@
 //! The symbols of the pages: indices 1 and 2 are pinion and mate, as in ISO 21771, where the paper has p and r.
 
-use crate::report::number::fixed;
+use crate::number::shortest;
 
 /// A symbol with its meaning. Symbols are pairs of a letter and its index, which may be empty.
 struct Symbol {
@@ -13,7 +13,7 @@ struct Symbol {
     unit: &'static str,
 }
 
-/// How many of [`SYMBOLS`] are variables.
+/// Number of variables in [`SYMBOLS`].
 const VARIABLES: usize = 11;
 
 /// The variables in the order of Equation (1), then what is computed.
@@ -54,7 +54,7 @@ const fn of(
     }
 }
 
-/// What the report calls a variable of a gear pair, with its unit if that is part of the column's name;
+/// The report's name of a variable of a gear pair, with its unit if that is part of the column's name;
 /// `column` is its name in exported tables. Other names stay as they are.
 #[must_use]
 pub fn symbol(column: &str) -> String {
@@ -71,7 +71,7 @@ pub fn symbol(column: &str) -> String {
 /// The variables of a design in one line; `values` are in the order of Equation (1).
 pub(crate) fn design(values: &[f64; VARIABLES]) -> String {
     let named = SYMBOLS.iter().zip(values).map(|(symbol, value)| {
-        let number = shortest(*value);
+        let number = shortest(*value, 0..=4);
         let unit = match symbol.unit {
             "mm" => " mm",
             "°" => "°",
@@ -80,18 +80,6 @@ pub(crate) fn design(values: &[f64; VARIABLES]) -> String {
         format!("{} {number}{unit}", text(symbol.here))
     });
     named.collect::<Vec<_>>().join(", ")
-}
-
-/// With at most four decimals, and no zeros at their end.
-fn shortest(value: f64) -> String {
-    let number = fixed(value, 4);
-    match number.contains('.') {
-        true => number
-            .trim_end_matches('0')
-            .trim_end_matches('.')
-            .to_owned(),
-        false => number,
-    }
 }
 
 /// A row of the key to the symbols; symbols are markup.

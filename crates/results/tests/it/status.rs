@@ -5,7 +5,7 @@ use std::time::Duration;
 use campaign::Campaign;
 use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
 use results::running::{Pace, Paces, RunSeconds, Running};
-use results::status::{Optimum, Progress, Status, read};
+use results::status::{OptimumStatus, Progress, Status, read};
 use stages::stage::Stage;
 use store::{CampaignRow, Store};
 
@@ -107,7 +107,7 @@ async fn time_to_go_is_that_of_the_stage() {
     assert_eq!(searched.live.unwrap().eta_seconds, Some(440.0 / 2.0));
 
     status.stage = Stage::Verify;
-    let optimum = |done| Optimum {
+    let optimum = |done| OptimumStatus {
         approach: "kriging".to_owned(),
         criterion: Some(1.5),
         percentile: None,

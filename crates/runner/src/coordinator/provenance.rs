@@ -2,7 +2,7 @@
 
 use std::time::SystemTime;
 
-/// (label, value) pairs for [`results::reporting::write`].
+/// (label, value) pairs for [`results::report::write()`].
 #[must_use]
 pub fn labels() -> Vec<(String, String)> {
     let machine = rustix::system::uname();

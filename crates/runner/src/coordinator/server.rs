@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use campaign::formulation::Problem;
 use campaign::{Campaign, probe};
-use results::reporting;
+use results::report;
 use results::status::Status;
 use store::{CampaignRow, Store};
 use tokio::net::TcpListener;
@@ -245,8 +245,8 @@ async fn run_open(
         if let Err(damaged) = store.checked().await {
             break Err(damaged.into());
         }
-        let report =
-            reporting::write(store, &plan.out, &crate::coordinator::provenance::labels()).await?;
+        let labels = crate::coordinator::provenance::labels();
+        let report = report::write(store, &plan.out, &labels).await?;
         info!(report = %report.display(), "report written");
         if !engine.board.finish(retries) {
             continue;

@@ -319,5 +319,5 @@ impl Steps {
 
 /// The value to four significant digits, for the log.
 fn rounded(value: f64) -> f64 {
-    format!("{value:.3e}").parse().unwrap_or(value)
+    results::number::rounded(value, 4)
 }

@@ -21,14 +21,14 @@ const REACH: f64 = 0.15;
 
 /// The second objective.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum Against {
+pub enum Objective {
     /// F, the largest contact pressure with Archard's wear
     Pressure,
     /// σ_vm, the larger root stress
     RootStress,
 }
 
-impl Against {
+impl Objective {
     /// The name of its constraint, as [`campaign::formulation::Constraint`] has it.
     pub(super) const fn constraint(self) -> &'static str {
         match self {
@@ -63,7 +63,7 @@ impl Against {
         }
     }
 
-    /// The same problem with another limit. A limit is no input of the simulator.
+    /// The same problem with another limit, which is not an input of the simulator.
     fn limited(self, problem: &Problem, limit: f64) -> Problem {
         let mut campaign = problem.campaign().clone();
         if let Some(sections) = campaign.gears_mut() {
@@ -104,7 +104,6 @@ pub struct Point {
     pub source: Source,
     /// The design.
     pub variables: GearVariables,
-    /// Its criteria.
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
     pub p90: OrderStatistic,
@@ -131,7 +130,7 @@ pub async fn of_doe(
     store: &Store,
     problem: &Problem,
     base: &Design,
-    against: Against,
+    against: Objective,
 ) -> anyhow::Result<Vec<Point>> {
     let designs = store.designs().await?;
     let criteria = store.criteria().await?;
@@ -205,7 +204,7 @@ pub fn of_optima(sampling: &Sampling, optima: &[Optimum]) -> Vec<Point> {
 }
 
 /// The non-dominated points, by `p90` and the second objective, in ascending order of the latter.
-fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<usize> {
+fn front_of(points: &[Point], against: Objective, p90: fn(&Point) -> f64) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     let second = |i: usize| against.of(&points[i].criteria);
     order.sort_by(|&a, &b| {
@@ -233,7 +232,7 @@ fn front_of(points: &[Point], against: Against, p90: fn(&Point) -> f64) -> Vec<u
 pub fn front_of_doe(
     problem: &Problem,
     points: &[Point],
-    against: Against,
+    against: Objective,
 ) -> anyhow::Result<Vec<Point>> {
     let front = front_of(points, against, |point| point.p90.value);
     let front: Vec<Point> = front.into_iter().map(|i| points[i].clone()).collect();
@@ -265,7 +264,7 @@ pub fn refine(
     problem: &Problem,
     base: &Design,
     known: &[Point],
-    against: Against,
+    against: Objective,
     count: u32,
 ) -> anyhow::Result<Vec<Point>> {
     // The optimum without wear has a helix angle and radii of its own, out of these searches' reach.
@@ -316,7 +315,7 @@ pub fn refine(
 }
 
 /// Marks the points on the front of all of them, and sorts by the second objective.
-pub fn mark(points: &mut [Point], against: Against) {
+pub fn mark(points: &mut [Point], against: Objective) {
     for i in front_of(points, against, Point::judged) {
         points[i].on_front = true;
     }
@@ -366,10 +365,10 @@ mod tests {
             doe(4, 1300.0, 2.5),
             doe(5, 1400.0, 1.0),
         ];
-        let front = front_of(&points, Against::Pressure, |point| point.p90.value);
+        let front = front_of(&points, Objective::Pressure, |point| point.p90.value);
         assert_eq!(front, [1, 3, 5]);
         // The root stress is the same for all, so one point is best.
-        let front = front_of(&points, Against::RootStress, |point| point.p90.value);
+        let front = front_of(&points, Objective::RootStress, |point| point.p90.value);
         assert_eq!(front, [5]);
     }
 
@@ -380,7 +379,7 @@ mod tests {
             point(Source::Doe(1), 1400.0, 1.5, Some(3.1)),
             point(Source::Optimum("kriging"), 1300.0, 2.0, Some(2.0)),
         ];
-        mark(&mut points, Against::Pressure);
+        mark(&mut points, Objective::Pressure);
         let marks = points.clone().map(|point| (point.source, point.on_front));
         assert_eq!(
             marks,
@@ -406,7 +405,7 @@ mod tests {
         ];
         let refine = || {
             let base = problem.base().clone();
-            refine(&problem, &base, &known, Against::Pressure, 2).unwrap()
+            refine(&problem, &base, &known, Objective::Pressure, 2).unwrap()
         };
         let found = refine();
         // Compared as text, because an unknown end of an interval is NaN, which does not equal

@@ -5,13 +5,15 @@ use std::path::Path;
 use campaign::file::Sampling;
 use campaign::formulation::Problem;
 use campaign::formulation::gears::VARIABLE_NAMES;
-use results::report::PercentileSeries;
+use results::number::{MISSING, fixed};
+use results::report::charts::{self, PercentileSeries};
+use results::report::{Error, Picture};
 use results::row;
 use results::table::{Cell, Column, Table};
 
-use super::front::{Against, Point, Source};
+use super::front::{Objective, Point, Source};
 use crate::table::{
-    CRITERIA, Document, NOTHING, PageTable, criteria_cells, percentile_cells, with_interval, write,
+    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval, write,
 };
 
 /// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are
@@ -24,7 +26,7 @@ use crate::table::{
 pub fn write_tables(
     out: &Path,
     problem: &Problem,
-    against: Against,
+    against: Objective,
     all: &[Point],
     marked: &[Point],
     searches: u32,
@@ -54,8 +56,8 @@ pub fn write_tables(
         );
     }
     match chart(problem, against, all, marked) {
-        Ok(svg) => {
-            write(out, "pareto.svg", svg)?;
+        Ok(chart) => {
+            write(out, "pareto.svg", chart.standalone())?;
             page += "\n![The front](pareto.svg)\n";
         }
         Err(why) => page += &format!("\n{why}\n"),
@@ -67,7 +69,7 @@ pub fn write_tables(
     })
 }
 
-fn summary(problem: &Problem, against: Against, points: &[Point]) -> PageTable {
+fn summary(problem: &Problem, against: Objective, points: &[Point]) -> PageTable {
     let percentile = problem.campaign().sampling.percentile_name();
     let mut table = PageTable::new([
         "design",
@@ -85,12 +87,12 @@ fn summary(problem: &Problem, against: Against, points: &[Point]) -> PageTable {
         };
         table.rows.push(vec![
             point.source.name(),
-            format!("{value:.0}{beyond}"),
+            fixed(value, 0) + beyond,
             with_interval(&point.p90),
             point
                 .verified
                 .as_ref()
-                .map_or(NOTHING.to_owned(), with_interval),
+                .map_or(MISSING.to_owned(), with_interval),
             if point.on_front { "yes" } else { "no" }.to_owned(),
         ]);
     }
@@ -122,10 +124,10 @@ fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
 
 fn chart(
     problem: &Problem,
-    against: Against,
+    against: Objective,
     all: &[Point],
     marked: &[Point],
-) -> Result<String, results::report::Error> {
+) -> Result<Picture, Error> {
     let at = |point: &Point| against.of(&point.criteria);
     let series = |name: &str, of: &dyn Fn(&Source) -> bool| PercentileSeries {
         name: name.to_owned(),
@@ -144,7 +146,7 @@ fn chart(
         .filter(|point| point.on_front)
         .map(|point| [at(point), point.judged()])
         .collect();
-    results::report::chart_front(
+    charts::front(
         &problem.campaign().sampling.percentile_name(),
         against.label(),
         against.limit(problem),
@@ -194,7 +196,8 @@ mod tests {
                 .is_ok(),
             "every row is complete"
         );
-        let svg = chart(&problem, Against::Pressure, &points, &points).unwrap();
+        let chart = chart(&problem, Objective::Pressure, &points, &points);
+        let svg = chart.unwrap().standalone();
         assert!(svg.contains("front of the DoE") && !svg.contains("direct searches"));
     }
 }

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use campaign::PairFile;
 use gear::{Member, Pair};
-use results::report;
-use results::report::{PairPage, PressureCurves, SteCurves, WearProfiles};
+use results::report::{self, PairPage, PressureCurves, SteCurves, WearProfiles, charts};
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
 
@@ -46,30 +45,22 @@ pub fn write_page(
     let curves = Curves::of(&pair, subject);
     let page = page(subject, simulation, figures, &pair, &curves);
     for (name, chart) in [
-        ("section.svg", results::report::chart_gears(&page.drawing)?),
-        (
-            "axonometric.svg",
-            results::report::chart_solid(&page.drawing)?,
-        ),
-        ("ste.svg", results::report::chart_ste(&page.ste)?),
-        (
-            "pressure.svg",
-            results::report::chart_pressure(&page.pressure)?,
-        ),
-        (
-            "contact.svg",
-            results::report::chart_contact(&page.contact)?,
-        ),
+        ("section.svg", charts::gears(&page.drawing)?),
+        ("axonometric.svg", charts::solid(&page.drawing)?),
+        ("ste.svg", charts::ste(&page.ste)?),
+        ("pressure.svg", charts::pressure(&page.pressure)?),
+        ("contact.svg", charts::contact(&page.contact)?),
     ] {
-        table::write(out, name, chart)?;
+        table::write(out, name, chart.standalone())?;
     }
     if let Some(wear) = &page.wear {
-        table::write(out, "wear.svg", results::report::chart_wear(wear)?)?;
+        let chart = charts::wear(wear, charts::FULL)?;
+        table::write(out, "wear.svg", chart.standalone())?;
         table::write(out, "wear.csv", curves.wear_table().csv()?)?;
     }
     table::write(out, "ste.csv", curves.ste_table().csv()?)?;
     table::write(out, "pressure.csv", curves.pressure_table().csv()?)?;
-    table::write(out, "pair.html", results::report::render_pair(&page)?)?;
+    table::write(out, "pair.html", report::render_pair(&page)?)?;
     Ok(Some(out.join("pair.html")))
 }
 

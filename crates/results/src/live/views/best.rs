@@ -7,14 +7,13 @@ use serde::Serialize;
 use stats::OrderStatistic;
 
 use crate::optima::VerifiedOptimum;
-use crate::report;
+use crate::report::{self, NamedValue, charts};
 
-use super::{Chart, Named, SCHEMA_VERSION};
+use super::{Chart, SCHEMA_VERSION};
 
 /// The best design so far.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Best {
-    /// The version of this object.
     pub schema_version: u32,
     /// Whether the campaign is finished. Before that, the result is not conclusive.
     pub finished: bool,
@@ -38,7 +37,6 @@ pub struct BestDesign {
     /// Whether the percentile was estimated from verification samples, taken after the design was
     /// chosen.
     pub verified: bool,
-    /// The percentile.
     pub value: f64,
     /// Lower end of the 95 % confidence interval.
     pub low: f64,
@@ -46,9 +44,7 @@ pub struct BestDesign {
     pub high: f64,
     /// Number of samples behind the percentile.
     pub samples: u64,
-    /// The variables.
-    pub variables: Vec<Named>,
-    /// The constraints.
+    pub variables: Vec<NamedValue>,
     pub constraints: Vec<Constraint>,
     /// For a gear pair: its section and its transmission error.
     pub charts: Vec<Chart>,
@@ -57,7 +53,6 @@ pub struct BestDesign {
 /// The design of the DoE with the best estimated percentile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BestOfDoe {
-    /// Its number.
     pub number: u64,
     /// The design with its criteria.
     pub found: Solution,
@@ -134,7 +129,7 @@ fn of_design(
         high,
         samples: percentile.n as u64,
         variables: variables
-            .map(|(variable, value)| Named {
+            .map(|(variable, value)| NamedValue {
                 name: variable.name.to_string(),
                 unit: variable.unit.to_string(),
                 value: *value,
@@ -154,7 +149,7 @@ fn charts(problem: &Problem, design: &Design) -> Vec<Chart> {
     let Ok(pair) = gears.pair(design) else {
         return Vec::new();
     };
-    let section = crate::report::chart_gears(&report::drawing(&pair));
+    let section = charts::gears(&report::drawing(&pair));
     let ste = report::ste(&pair, gears.wear());
     let rows = ste.phase.iter().zip(&ste.unworn_um).zip(&ste.worn_um);
     let rows = rows.map(|((phase, unworn), worn)| {
@@ -169,7 +164,7 @@ fn charts(problem: &Problem, design: &Design) -> Vec<Chart> {
         "STE unworn (µm)",
         "STE with mean wear (µm)",
     ];
-    let curve = Chart::new(crate::report::chart_ste(&ste), &columns, rows.collect());
+    let curve = Chart::new(charts::ste(&ste), &columns, rows.collect());
     Chart::new(section, &[], Vec::new())
         .into_iter()
         .chain(curve)

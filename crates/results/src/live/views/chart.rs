@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-/// A chart.
+use crate::report::{Error, Picture};
+
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Chart {
     /// The image's alternative text, in a sentence.
@@ -19,40 +20,16 @@ impl Chart {
     /// A chart of the report; `None` if there is nothing to draw.
     #[must_use]
     pub fn new(
-        drawn: Result<String, crate::report::Error>,
+        drawn: Result<Picture, Error>,
         columns: &[&str],
         rows: Vec<Vec<String>>,
     ) -> Option<Self> {
-        let svg = drawn.ok()?;
-        let title = svg.split_once("<title>")?.1.split_once("</title>")?.0;
+        let picture = drawn.ok()?;
         Some(Self {
-            // The report escapes the titles of its charts.
-            description: title
-                .replace("&lt;", "<")
-                .replace("&gt;", ">")
-                .replace("&quot;", "\"")
-                .replace("&#39;", "'")
-                .replace("&amp;", "&"),
+            description: picture.label().to_owned(),
+            svg: picture.standalone(),
             columns: columns.iter().map(|&column| column.to_owned()).collect(),
             rows,
-            svg,
         })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_description_is_the_pictures_title() {
-        let svg = "<svg><title>P90 &lt; 2 &amp; more</title></svg>".to_owned();
-        let chart = Chart::new(Ok(svg), &["x"], Vec::new()).unwrap();
-        assert_eq!(chart.description, "P90 < 2 & more");
-        let nothing = crate::report::Error::NothingToDraw {
-            chart: "map",
-            why: "no design",
-        };
-        assert_eq!(Chart::new(Err(nothing), &[], Vec::new()), None);
     }
 }

@@ -2,33 +2,31 @@
 
 use std::collections::BTreeMap;
 
-use crate::report::OptimiserRun;
+use crate::report::{OptimiserRun, charts};
 use campaign::formulation::Problem;
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION, rounded};
+use super::{Chart, SCHEMA_VERSION};
+use crate::number::rounded;
 
 /// All runs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Convergence {
-    /// The version of this object.
     pub schema_version: u32,
     /// The approaches with a run, in the order of the campaign's tables.
-    pub approaches: Vec<Approach>,
+    pub approaches: Vec<ApproachRuns>,
 }
 
 /// The runs of one approach.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Approach {
-    /// Its name.
+pub struct ApproachRuns {
     pub name: String,
-    /// Its runs, by start.
+    /// By start.
     pub runs: Vec<Run>,
     /// The best value against the number of evaluations.
     pub chart: Option<Chart>,
 }
 
-/// One run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Run {
     /// Number of the start, from 1.
@@ -63,7 +61,7 @@ pub fn convergence(
     }
 }
 
-fn of_approach(name: &str, runs: Vec<(OptimiserRun, bool)>) -> Approach {
+fn of_approach(name: &str, runs: Vec<(OptimiserRun, bool)>) -> ApproachRuns {
     let drawn: Vec<OptimiserRun> = runs.iter().map(|(run, _)| run.clone()).collect();
     let rows = runs.iter().map(|(run, finished)| {
         let (evaluations, value) = run.best.last().copied().unwrap_or((0, f64::NAN));
@@ -81,11 +79,11 @@ fn of_approach(name: &str, runs: Vec<(OptimiserRun, bool)>) -> Approach {
         "state",
     ];
     let chart = Chart::new(
-        crate::report::chart_convergence(&format!("Approach {name}"), &drawn),
+        charts::convergence(&format!("Approach {name}"), &drawn),
         &columns,
         rows.collect(),
     );
-    Approach {
+    ApproachRuns {
         name: name.to_owned(),
         chart,
         runs: runs

@@ -3,7 +3,10 @@
 use campaign::formulation::Problem;
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION, rounded};
+use super::{Chart, SCHEMA_VERSION};
+use crate::number::rounded;
+use crate::report::charts::{self, ResponseMap};
+use crate::report::label;
 
 /// Maximum number of points: more would not be visible in a chart, and every page would have to
 /// load them.
@@ -11,18 +14,17 @@ const POINTS: usize = 3000;
 /// Number of lowest percentiles in a map's table.
 const ROWS: usize = 20;
 /// Significant digits of coordinates and percentiles.
-const DIGITS: i32 = 6;
+const DIGITS: usize = 6;
 
 /// The designs that have a percentile.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Responses {
-    /// The version of this object.
     pub schema_version: u32,
     /// The percentile's name.
     pub percentile: String,
     /// The response's name.
     pub response: String,
-    /// Its unit; empty for a number without one.
+    /// The response's unit; empty for a number without one.
     pub unit: String,
     /// The coordinates that the DoE varies, in the order of each point's `x`.
     pub coordinates: Vec<Coordinate>,
@@ -40,7 +42,6 @@ pub struct Responses {
 /// A coordinate that the DoE varies.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Coordinate {
-    /// Its name.
     pub name: String,
     /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: String,
@@ -53,9 +54,7 @@ pub struct Coordinate {
 pub struct Point {
     /// The design's number.
     pub design: u64,
-    /// Its coordinates.
     pub x: Vec<f64>,
-    /// The percentile.
     pub value: f64,
 }
 
@@ -101,7 +100,6 @@ pub fn responses(
 /// point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
-    /// The version of this object.
     pub schema_version: u32,
     /// The percentile's name.
     pub percentile: String,
@@ -120,11 +118,11 @@ pub struct Map {
 /// The map over the coordinates with these numbers; `None` if one does not exist.
 #[must_use]
 pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
-    let label = |place: usize| {
+    let axis = |place: usize| {
         let coordinate = responses.coordinates.get(place)?;
-        Some(with_unit(&coordinate.name, &coordinate.unit))
+        Some(label(&coordinate.name, &coordinate.unit))
     };
-    let labels = [label(x)?, label(y)?];
+    let labels = [axis(x)?, axis(y)?];
     let of_response = format!("{} of {}", responses.percentile, responses.response);
     let place = |point: &Point| Some([*point.x.get(x)?, *point.x.get(y)?]);
     let triple = |point: &Point| place(point).map(|[x, y]| [x, y, point.value]);
@@ -134,10 +132,10 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
     let best = best
         .filter(|point| Some(point.design) == responses.best)
         .find_map(place);
-    let drawn = crate::report::chart_map(&crate::report::ResponseMap {
+    let drawn = charts::map(&ResponseMap {
         x: labels[0].clone(),
         y: labels[1].clone(),
-        response: with_unit(&of_response, &responses.unit),
+        response: label(&of_response, &responses.unit),
         points: responses.points.iter().filter_map(triple).collect(),
         best,
     });
@@ -157,7 +155,7 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         "design, the least first",
         &labels[0],
         &labels[1],
-        &with_unit(&responses.percentile, &responses.unit),
+        &label(&responses.percentile, &responses.unit),
     ];
     Some(Map {
         schema_version: SCHEMA_VERSION,
@@ -168,14 +166,6 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         shown: responses.points.len(),
         chart: Chart::new(drawn, &columns, rows.collect()),
     })
-}
-
-/// A quantity with its unit, if it has one.
-fn with_unit(name: &str, unit: &str) -> String {
-    match unit {
-        "" => name.to_owned(),
-        unit => format!("{name} ({unit})"),
-    }
 }
 
 #[cfg(test)]

@@ -1,14 +1,14 @@
 //! The rounds of an enrichment.
 
-use crate::report::{Enrichment, EnrichmentRound};
+use crate::report::{Enrichment, EnrichmentRound, charts};
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION, rounded};
+use super::{Chart, SCHEMA_VERSION};
+use crate::number::rounded;
 
 /// All rounds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Rounds {
-    /// The version of this object.
     pub schema_version: u32,
     /// Whether the campaign has an enrichment.
     pub enriches: bool,
@@ -20,7 +20,6 @@ pub struct Rounds {
     pub charts: Vec<Chart>,
 }
 
-/// One round.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Round {
     /// The round, from 1.
@@ -64,12 +63,12 @@ pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
     let begun = enrichment.filter(|_| !rounds.is_empty());
     let charts = begun.map_or_else(Vec::new, |enrichment| {
         let prediction = Chart::new(
-            crate::report::chart_prediction(enrichment, percentile),
+            charts::prediction(enrichment, percentile),
             &["round", "predicted", "95 % interval from", "to"],
             rows,
         );
         let gain = Chart::new(
-            crate::report::chart_expected_improvement(enrichment),
+            charts::expected_improvement(enrichment),
             &["round", "expected improvement"],
             gains,
         );

@@ -1,4 +1,4 @@
-//! How a table is written: its delimiter, its header and the way of its numbers.
+//! The dialect of a table: delimiter, header and style of numbers.
 
 use std::collections::HashSet;
 
@@ -7,7 +7,7 @@ use super::text::{Delimiter, Record, Records, decode};
 use super::{Table, UnusedColumn};
 use crate::modelling::InputError;
 
-/// Lines that the delimiter is found from.
+/// Number of lines from which the delimiter is found.
 const SAMPLE: usize = 200;
 
 /// Characters of the longest unit: a longer text below the header is a cell that should be a number.
@@ -181,7 +181,7 @@ fn style(file: &str, rows: &[Record], delimiter: Delimiter) -> Result<Style, Inp
     })
 }
 
-/// Whether the first row is one of numbers: each column that has numbers below has one there, too.
+/// Whether the first row has a number in each column that has numbers below.
 fn lacks_header(rows: &[Record], style: Style) -> bool {
     let first = &rows[0].fields;
     // Names such as 0, 1, 2 behind an index without a name are those of a data frame without names.
@@ -429,7 +429,7 @@ mod tests {
             (latin.columns()[0].as_str(), latin.format()),
             ("temp\u{e9}rature", &["Latin-1".to_owned()][..])
         );
-        // A bad cell in the first row is no unit.
+        // A bad cell in the first row is not a unit.
         let bad = table("x\nthe first one is bad\n1\n");
         assert!(bad.numbers("x").unwrap_err().to_string().contains("line 2"));
     }

@@ -1,8 +1,8 @@
-//! The numbers of a table: how its cells write them.
+//! The numbers in the cells of a table.
 
 use super::text::is_error_value;
 
-/// How a table writes numbers with a fraction, and large ones.
+/// Decimal and thousands separators of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Style {
     /// 1234.5
@@ -17,7 +17,7 @@ pub(super) enum Style {
 }
 
 impl Style {
-    /// What differs from the usual style, in words.
+    /// The difference from the usual style, in words.
     pub(super) const fn name(self) -> Option<&'static str> {
         match self {
             Self::Point => None,
@@ -60,7 +60,7 @@ impl Style {
     }
 }
 
-/// Whether a cell says that there is no value.
+/// Whether a cell is a mark of a missing value.
 pub(super) fn is_missing(cell: &str) -> bool {
     let words = [
         "",
@@ -97,7 +97,7 @@ fn is_grouped(text: &str, group: char, decimal: char) -> bool {
     is_first && groups.all(|part| part.len() == 3 && digits(part)) && !text[end..].contains(group)
 }
 
-/// What the separators in a cell can mean.
+/// The possible meanings of the separators in a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Shape {
     /// No separator.
@@ -132,11 +132,11 @@ fn shape(cell: &str) -> Option<Shape> {
 pub(super) enum Conflict {
     /// A cell with a decimal point, and one with a decimal comma.
     Mixed([usize; 2]),
-    /// 1,234 where nothing tells what the comma means.
+    /// 1,234, if no other cell shows the meaning of the comma.
     Unclear(usize),
 }
 
-/// The style of the cells that look like numbers. `commas_delimit`: a comma in a cell is no rule of the
+/// The style of the cells that look like numbers. `commas_delimit`: a comma in a cell is not a rule of the
 /// table, as it is where the fields are separated otherwise.
 pub(super) fn style<'a>(
     cells: impl Iterator<Item = &'a str>,

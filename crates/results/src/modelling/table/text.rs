@@ -2,7 +2,7 @@
 
 use crate::modelling::InputError;
 
-/// What stands between the fields of a record.
+/// The delimiter of the fields of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Delimiter {
     Is(char),

@@ -1,13 +1,17 @@
 //! The contact pattern: pressure over the flank.
 
 use super::{HALF, draw};
-use crate::report::data::ContactPattern;
+use crate::number::{fixed, significant};
+use crate::report::drawing::ContactPattern;
 use crate::report::error::Error;
-use crate::report::number::{fixed, significant};
 use crate::report::svg::{Axis, Chart, Mark, PALETTE, Picture, Scale, Series};
 
-/// See [`super::chart_contact`].
-pub(crate) fn contact(pattern: &ContactPattern) -> Result<Picture, Error> {
+/// Contact pressure in MPa over the flank.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no place carries load, [`Error::LengthMismatch`] if the rows are not as many
+/// as the places on the path, or not as long as those across the face.
+pub fn contact(pattern: &ContactPattern) -> Result<Picture, Error> {
     let (along, across) = (&pattern.place_mm, &pattern.across_mm);
     let same_length = |expected, found| match expected == found {
         true => Ok(()),

@@ -1,9 +1,9 @@
 //! Two gears in mesh, drawn to scale around the pitch point.
 
 use super::HALF;
-use crate::report::data::{GearDrawing, GearOutline};
+use crate::number;
+use crate::report::drawing::{GearDrawing, GearOutline};
 use crate::report::error::Error;
-use crate::report::number;
 use crate::report::svg::{
     Canvas, Picture, Scale, Window, clip_polygon, clip_polyline, drawable, text_width,
 };
@@ -13,8 +13,11 @@ const HALF_WIDTH: f64 = 0.26;
 const TOP: f64 = 62.0;
 const MARGIN: f64 = 10.0;
 
-/// See [`super::chart_gears`].
-pub(crate) fn gears(drawing: &GearDrawing) -> Result<Picture, Error> {
+/// The gears in mesh around the pitch point, to scale.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no outline passes near the contact.
+pub fn gears(drawing: &GearDrawing) -> Result<Picture, Error> {
     let gears = [finite(&drawing.pinion), finite(&drawing.mate)];
     let [width, height] = HALF;
     let (low, high) = ([MARGIN, TOP], [width - MARGIN, height - MARGIN]);

@@ -4,7 +4,7 @@ use stats::OrderStatistic;
 
 use super::{FULL, axis, draw};
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, Scale, Series};
+use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 
 /// Percentiles of one kind, each at its abscissa.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,11 +16,11 @@ pub struct PercentileSeries {
 }
 
 /// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
-/// bars, one line per approach, as an SVG file.
+/// bars, one line per approach.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a positive percentile.
-pub fn chart_teeth(percentile: &str, series: &[PercentileSeries]) -> Result<String, Error> {
+pub fn teeth(percentile: &str, series: &[PercentileSeries]) -> Result<Picture, Error> {
     let chart = Chart {
         title: format!("{percentile} of ΔSTE at the optima, with 95 % intervals"),
         x: axis("teeth of the pinion", Scale::Whole),
@@ -45,24 +45,23 @@ pub fn chart_teeth(percentile: &str, series: &[PercentileSeries]) -> Result<Stri
         "percentile against the teeth",
         "no approach found a feasible design",
     )
-    .map(|picture| picture.standalone())
 }
 
-/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against another objective in MPa with its `limit`, as an SVG
-/// file: `designs` as dots, the non-dominated points `front`, ascending, joined by a staircase, and
-/// `series` with 95 % intervals as bars.
+/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against another objective in MPa with its
+/// `limit`: `designs` as dots, the non-dominated points `front`, ascending, joined by a staircase, and `series` with
+/// 95 % intervals as bars.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a positive percentile.
-pub fn chart_front(
+pub fn front(
     percentile: &str,
     against: &str,
     limit: f64,
     designs: &[[f64; 2]],
     front: &[[f64; 2]],
     series: &[PercentileSeries],
-) -> Result<String, Error> {
-    // Between two designs of a front nothing is known but that neither is better: a staircase.
+) -> Result<Picture, Error> {
+    // A staircase: no design between two of the front is known.
     let mut steps: Vec<[f64; 2]> = Vec::new();
     for &[x, y] in front {
         if let Some(&[_, last]) = steps.last() {
@@ -97,7 +96,6 @@ pub fn chart_front(
         size: [FULL[0], 420.0],
     };
     draw(chart, "Pareto front", "no design satisfies the constraints")
-        .map(|picture| picture.standalone())
 }
 
 fn middle(points: &[(f64, OrderStatistic)]) -> Vec<[f64; 2]> {

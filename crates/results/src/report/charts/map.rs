@@ -1,9 +1,9 @@
 //! A response over two coordinates of the designs.
 
 use super::{HALF, axis, draw};
+use crate::number::significant;
 use crate::report::error::Error;
-use crate::report::number::significant;
-use crate::report::svg::{Chart, Mark, PALETTE, Scale, Series, drawable};
+use crate::report::svg::{Chart, Mark, PALETTE, Picture, Scale, Series, drawable};
 
 /// A response over two coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,12 +20,12 @@ pub struct ResponseMap {
     pub best: Option<[f64; 2]>,
 }
 
-/// The response of designs over two of their coordinates, as an SVG file. Colours have as many designs
+/// The response of designs over two of their coordinates. Colours have as many designs
 /// each, since a few large values would leave a scale of equal steps with one colour.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a finite response.
-pub fn chart_map(map: &ResponseMap) -> Result<String, Error> {
+pub fn map(map: &ResponseMap) -> Result<Picture, Error> {
     let is_drawable = |point: &&[f64; 3]| point.iter().all(|v| drawable(*v, Scale::Linear));
     let mut points: Vec<[f64; 3]> = map.points.iter().filter(is_drawable).copied().collect();
     points.sort_by(|a, b| a[2].total_cmp(&b[2]));
@@ -59,7 +59,7 @@ pub fn chart_map(map: &ResponseMap) -> Result<String, Error> {
         series,
         size: [HALF[0] + 80.0, HALF[1] + 60.0],
     };
-    draw(chart, "response map", "no design has a response yet").map(|picture| picture.standalone())
+    draw(chart, "response map", "no design has a response yet")
 }
 
 #[cfg(test)]
@@ -79,7 +79,7 @@ mod tests {
             points: (0..100).map(point).chain([[1.0, 2.0, f64::NAN]]).collect(),
             best: Some([50.0, -50.0]),
         };
-        let svg = chart_map(&map).unwrap();
+        let svg = super::map(&map).unwrap().standalone();
         assert_eq!(svg.matches("h0").count(), 100);
         assert!((0..6).all(|shade| svg.contains(&format!("shades p{shade}"))));
         assert!(svg.contains("x1 (mm)") && svg.contains("P95 of y"));
@@ -88,7 +88,7 @@ mod tests {
             ..map
         };
         assert!(matches!(
-            chart_map(&empty),
+            super::map(&empty),
             Err(Error::NothingToDraw { .. })
         ));
     }

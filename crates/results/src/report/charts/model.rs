@@ -1,13 +1,49 @@
-//! What a kriging model says: its residuals against the normal distribution, and its mean along a variable.
+//! A kriging model: its leave-one-out predictions and residuals, and its mean along a variable.
 
+use stages::fitting::ModelSummary;
+
+use super::scatter::{diagonal, drawable_pairs};
 use super::{HALF, axis, draw};
-use crate::report::data::{KrigingFit, Slice};
 use crate::report::error::Error;
+use crate::report::model::Slice;
+use crate::report::quantity::label;
 use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 
+/// Leave-one-out predictions against observations, whose unit may be empty.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite pair.
+pub fn leave_one_out(model: &ModelSummary, unit: &str) -> Result<Picture, Error> {
+    let pairs = model.leave_one_out().map(|p| [p.observed, p.predicted]);
+    let points = drawable_pairs(pairs, Scale::Linear);
+    let chart = Chart {
+        title: "Leave-one-out predictions".to_owned(),
+        x: axis(label("observed", unit), Scale::Linear),
+        y: axis(label("predicted from the others", unit), Scale::Linear),
+        series: vec![
+            diagonal(&points, "perfect prediction"),
+            Series {
+                name: Some("one observation".to_owned()),
+                mark: Mark::Dots,
+                colour: 2,
+                points,
+            },
+        ],
+        size: HALF,
+    };
+    draw(
+        chart,
+        "leave-one-out plot",
+        "there is no leave-one-out prediction",
+    )
+}
+
 /// The standardised leave-one-out residuals against the quantiles of the normal distribution.
-pub(crate) fn residuals(fit: &KrigingFit) -> Result<Picture, Error> {
-    let standardised = fit.leave_one_out.iter().map(|p| p.standardised);
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite residual.
+pub fn residuals(model: &ModelSummary) -> Result<Picture, Error> {
+    let standardised = model.standardised.iter().copied();
     let mut ordered: Vec<f64> = standardised.filter(|r| r.is_finite()).collect();
     ordered.sort_by(f64::total_cmp);
     let n = ordered.len() as f64;
@@ -43,8 +79,11 @@ pub(crate) fn residuals(fit: &KrigingFit) -> Result<Picture, Error> {
     draw(chart, "residuals plot", "there is no standardised residual")
 }
 
-/// The model along one variable.
-pub(crate) fn slice(slice: &Slice, fit: &KrigingFit) -> Result<Picture, Error> {
+/// The model along one variable; `unit` is the observations' and may be empty.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite mean.
+pub fn slice(slice: &Slice, unit: &str) -> Result<Picture, Error> {
     let of = |place: usize| slice.points.iter().map(move |p| [p[0], p[place]]);
     let line = |name: Option<&str>, mark, place| Series {
         name: name.map(str::to_owned),
@@ -56,14 +95,10 @@ pub(crate) fn slice(slice: &Slice, fit: &KrigingFit) -> Result<Picture, Error> {
         let to = |p: &[f64; 4]| (p[0] - slice.at).abs();
         to(a).total_cmp(&to(b))
     });
-    let label = match fit.unit.as_str() {
-        "" => "model".to_owned(),
-        unit => format!("model ({unit})"),
-    };
     let chart = Chart {
         title: format!("Along {}", slice.label),
         x: axis(slice.label.as_str(), Scale::Linear),
-        y: axis(label, Scale::Linear),
+        y: axis(label("model", unit), Scale::Linear),
         series: vec![
             line(Some("95 % interval"), Mark::Thin("5 3"), 2),
             line(None, Mark::Thin("5 3"), 3),

@@ -1,13 +1,17 @@
 //! Contact pressure along the path of contact.
 
 use super::{HALF, axis, draw, same_length};
-use crate::report::data::PressureCurves;
+use crate::number;
+use crate::report::drawing::PressureCurves;
 use crate::report::error::Error;
-use crate::report::number;
 use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 
-/// See [`super::chart_pressure`].
-pub(crate) fn pressure(curves: &PressureCurves) -> Result<Picture, Error> {
+/// Contact pressure in MPa along the path of contact in mm.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not
+/// empty is not as long as the places.
+pub fn pressure(curves: &PressureCurves) -> Result<Picture, Error> {
     let mut series = Vec::new();
     for (name, what, values, mark, colour) in [
         (

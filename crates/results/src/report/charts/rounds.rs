@@ -1,23 +1,26 @@
 //! The rounds of an enrichment.
 
-use super::{HALF, axis, draw, with_unit};
-use crate::report::data::Enrichment;
+use super::{HALF, axis, draw};
+use crate::report::enrichment::{Enrichment, EnrichmentRound};
 use crate::report::error::Error;
+use crate::report::quantity::label;
 use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 
-/// See [`super::chart_prediction`].
-pub(crate) fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Picture, Error> {
-    let line =
-        |name: &str, mark, colour, value: fn(&crate::report::EnrichmentRound) -> f64| Series {
-            name: (!name.is_empty()).then(|| name.to_owned()),
-            mark,
-            colour,
-            points: enrichment
-                .rounds
-                .iter()
-                .map(|round| [round.round as f64, value(round)])
-                .collect(),
-        };
+/// The predicted `percentile` (its name, such as P90) of the recommended design against the rounds of the enrichment.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no round recommends a design.
+pub fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Picture, Error> {
+    let line = |name: &str, mark, colour, value: fn(&EnrichmentRound) -> f64| Series {
+        name: (!name.is_empty()).then(|| name.to_owned()),
+        mark,
+        colour,
+        points: enrichment
+            .rounds
+            .iter()
+            .map(|round| [round.round as f64, value(round)])
+            .collect(),
+    };
     let mut series = vec![
         line("95 % interval", Mark::Thin("5 3"), 0, |r| r.low),
         line("", Mark::Thin("5 3"), 0, |r| r.high),
@@ -34,15 +37,18 @@ pub(crate) fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Pi
     let chart = Chart {
         title: format!("{percentile} of the recommended design"),
         x: axis("round", Scale::Linear),
-        y: axis(with_unit(percentile, &enrichment.unit), Scale::Linear),
+        y: axis(label(percentile, &enrichment.unit), Scale::Linear),
         series,
         size: HALF,
     };
     draw(chart, "prediction plot", "no round recommends a design")
 }
 
-/// See [`super::chart_expected_improvement`].
-pub(crate) fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, Error> {
+/// The largest expected improvement of a further observation against the rounds of the enrichment.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if there is neither a round with an expectation nor a tolerance.
+pub fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, Error> {
     let points: Vec<[f64; 2]> = enrichment
         .rounds
         .iter()
@@ -67,16 +73,13 @@ pub(crate) fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, E
     let chart = Chart {
         title: "What a further observation may gain".to_owned(),
         x: axis("round", Scale::Linear),
-        y: axis(
-            with_unit("expected improvement", &enrichment.unit),
-            Scale::Log,
-        ),
+        y: axis(label("expected improvement", &enrichment.unit), Scale::Log),
         series,
         size: HALF,
     };
     draw(
         chart,
         "expected improvement plot",
-        "no round could tell what is to be gained",
+        "no round has an expected improvement",
     )
 }

@@ -1,9 +1,10 @@
 //! Lines over evaluations and over the mesh phase.
 
 use super::{HALF, axis, draw, same_length};
-use crate::report::data::{OptimiserRun, SteCurves};
+use crate::number;
+use crate::report::drawing::SteCurves;
 use crate::report::error::Error;
-use crate::report::number;
+use crate::report::runs::OptimiserRun;
 use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 
 /// Dash patterns, so that lines differ by more than colour.
@@ -13,8 +14,11 @@ const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
 /// design that cannot be simulated counts 100, an optimum about one.
 const LOG_FROM_RATIO: f64 = 8.0;
 
-/// See [`super::chart_convergence`].
-pub(crate) fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error> {
+/// Best penalised objective (no unit, Equation (5)) against evaluations, one line per start.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a run that recorded a finite value.
+pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let mut rings = Vec::new();
     for (i, run) in runs.iter().enumerate() {
@@ -67,8 +71,12 @@ pub(crate) fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture,
     )
 }
 
-/// See [`super::chart_ste`].
-pub(crate) fn ste(curves: &SteCurves) -> Result<Picture, Error> {
+/// Static transmission error over one mesh period in µm, each curve about its own mean.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not
+/// empty is not as long as the phases.
+pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let worn = (
         "with Archard’s wear",
@@ -129,7 +137,10 @@ pub(crate) fn ste(curves: &SteCurves) -> Result<Picture, Error> {
 const ORDERS: usize = 8;
 
 /// The amplitudes of the static transmission error at multiples of the mesh frequency.
-pub(crate) fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without a finite value.
+pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let kinds = [
         ("unworn", &curves.unworn_um, 0),

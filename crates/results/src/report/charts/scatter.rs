@@ -1,44 +1,11 @@
-//! Scatter plots: responses against each other, predictions against observations.
+//! Responses of the designs against each other.
 
-use super::{HALF, axis, draw, with_unit};
-use crate::report::data::{DoePoint, KrigingFit};
+use super::{HALF, axis, draw};
+use crate::report::doe::{DoePoint, Response};
 use crate::report::error::Error;
 use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series, drawable};
 
-/// The three responses of a design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Response {
-    /// ΔSTE without wear.
-    Unworn,
-    /// ΔSTE with Archard's wear.
-    Archard,
-    /// Estimated percentile of ΔSTE with random wear.
-    Percentile,
-}
-
-impl Response {
-    /// The response of a design, µm.
-    #[must_use]
-    pub fn of(self, point: &DoePoint) -> f64 {
-        match self {
-            Self::Unworn => point.delta_ste_um,
-            Self::Archard => point.delta_ste_archard_um,
-            Self::Percentile => point.p90_um,
-        }
-    }
-
-    /// The response's name; `percentile` is the percentile's.
-    #[must_use]
-    pub fn label(self, percentile: &str) -> String {
-        match self {
-            Self::Unworn => "ΔSTE without wear".to_owned(),
-            Self::Archard => "ΔSTE with Archard’s wear".to_owned(),
-            Self::Percentile => format!("{percentile} of ΔSTE with random wear"),
-        }
-    }
-}
-
-/// Which part of the data a scatter plot shows, and how.
+/// The range and the axes of a scatter plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Extent {
     /// All points, linear axes.
@@ -49,8 +16,11 @@ pub enum Extent {
     Zoom,
 }
 
-/// See [`super::chart_responses`].
-pub(crate) fn responses(
+/// Figures 4 and 5: two responses of the designs against each other in µm.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no design has both responses (both positive, on logarithmic axes).
+pub fn responses(
     doe: &[DoePoint],
     percentile: &str,
     x: Response,
@@ -98,43 +68,15 @@ pub(crate) fn responses(
     )
 }
 
-/// See [`super::chart_leave_one_out`].
-pub(crate) fn leave_one_out(fit: &KrigingFit) -> Result<Picture, Error> {
-    let pairs = fit.leave_one_out.iter().map(|p| [p.observed, p.predicted]);
-    let points = drawable_pairs(pairs, Scale::Linear);
-    let chart = Chart {
-        title: "Leave-one-out predictions".to_owned(),
-        x: axis(with_unit("observed", &fit.unit), Scale::Linear),
-        y: axis(
-            with_unit("predicted from the others", &fit.unit),
-            Scale::Linear,
-        ),
-        series: vec![
-            diagonal(&points, "perfect prediction"),
-            Series {
-                name: Some("one observation".to_owned()),
-                mark: Mark::Dots,
-                colour: 2,
-                points,
-            },
-        ],
-        size: HALF,
-    };
-    draw(
-        chart,
-        "leave-one-out plot",
-        "there is no leave-one-out prediction",
-    )
-}
-
-fn drawable_pairs(pairs: impl Iterator<Item = [f64; 2]>, scale: Scale) -> Vec<[f64; 2]> {
+/// The pairs that a chart can show.
+pub(super) fn drawable_pairs(pairs: impl Iterator<Item = [f64; 2]>, scale: Scale) -> Vec<[f64; 2]> {
     pairs
         .filter(|p| drawable(p[0], scale) && drawable(p[1], scale))
         .collect()
 }
 
 /// The line of equal values, long enough for any axis around the points.
-fn diagonal(points: &[[f64; 2]], name: &str) -> Series {
+pub(super) fn diagonal(points: &[[f64; 2]], name: &str) -> Series {
     let values = || points.iter().flatten().copied();
     let (low, high) = (
         values().fold(f64::INFINITY, f64::min),

@@ -6,7 +6,7 @@
 
 use super::HALF;
 use super::gears::finite;
-use crate::report::data::{GearDrawing, GearOutline};
+use crate::report::drawing::{GearDrawing, GearOutline};
 use crate::report::error::Error;
 use crate::report::svg::{Canvas, Picture, text_width};
 
@@ -24,8 +24,11 @@ const TOP: f64 = 48.0;
 
 type Point = [f64; 3];
 
-/// See [`super::chart_solid`].
-pub(crate) fn solid(drawing: &GearDrawing) -> Result<Picture, Error> {
+/// Both gears in axonometric view.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] without outlines, a face width or a helix.
+pub fn solid(drawing: &GearDrawing) -> Result<Picture, Error> {
     let nothing = |why| Error::NothingToDraw {
         chart: "axonometric view",
         why,
@@ -119,7 +122,7 @@ impl Surface {
     }
 }
 
-/// How points in space are placed on the picture.
+/// The projection of points in space onto the picture.
 struct Frame {
     right: Point,
     up: Point,

@@ -12,7 +12,7 @@ const COLOURS: usize = 6;
 /// One method in a chart of cost against error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TradeoffSeries {
-    /// Its entry in the legend.
+    /// The entry in the legend.
     pub name: String,
     /// Cost and error of its settings.
     pub points: Vec<[f64; 2]>,
@@ -37,12 +37,15 @@ pub struct TradeoffChart {
     pub campaign: Vec<[f64; 2]>,
     /// The recommended setting.
     pub recommended: Option<[f64; 2]>,
-    /// The sentence that says why.
+    /// The reason for it, in a sentence.
     pub recommendation: String,
 }
 
-/// See [`super::chart_tradeoff`].
-pub(crate) fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
+/// Cost against error with the Pareto front, on logarithmic axes.
+///
+/// # Errors
+/// [`Error::NothingToDraw`] if no setting has a positive cost and a positive error.
+pub fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
     let marked = |name: &str, mark, colour, points: Vec<[f64; 2]>| Series {
         name: Some(name.to_owned()),
         mark,

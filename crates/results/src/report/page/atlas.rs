@@ -3,11 +3,10 @@
 use askama::Template;
 
 use super::figure::{Figure, figure};
+use crate::number::{count, with_unit};
 use crate::report::atlas::{AtlasEntry, AtlasPage};
 use crate::report::error::Error;
-use crate::report::number::count;
 use crate::report::quantity::NamedValue;
-use crate::report::summary::with_unit;
 use crate::report::svg;
 
 /// The stability atlas as one HTML page that loads nothing and runs nothing.
@@ -20,7 +19,7 @@ pub fn render_atlas(data: &AtlasPage) -> Result<String, Error> {
     let entries = all().count();
     let page = Page {
         program_version: &data.program_version,
-        page_css: include_str!("../../../templates/report.css"),
+        page_css: super::PAGE_STYLE,
         chart_css: svg::CSS,
         headline: if kept == entries {
             format!("All {entries} entries keep what they promise.")

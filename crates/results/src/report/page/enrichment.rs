@@ -1,11 +1,10 @@
-//! The enrichment: what its rounds did, and how its prediction fared.
+//! The section about the enrichment.
 
 use super::figure::{Figure, figure};
+use crate::number::{count, interval, with_unit};
 use crate::report::charts;
-use crate::report::data::Enrichment;
+use crate::report::enrichment::Enrichment;
 use crate::report::error::Error;
-use crate::report::number::{count, significant};
-use crate::report::summary::with_unit;
 
 /// The section of the page.
 pub(super) struct EnrichmentView {
@@ -35,7 +34,7 @@ impl EnrichmentView {
     }
 }
 
-/// How many points and samples.
+/// The numbers of points and samples, in sentences.
 fn effort(enrichment: &Enrichment) -> String {
     let rounds = &enrichment.rounds;
     if rounds.is_empty() {
@@ -66,7 +65,7 @@ fn effort(enrichment: &Enrichment) -> String {
     text
 }
 
-/// What was predicted and what came of it.
+/// The prediction beside its verification, in sentences.
 fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
     let Some(last) = enrichment.rounds.last() else {
         return String::new();
@@ -76,11 +75,9 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
     }
     let shown = |value: f64| with_unit(value, 4, &enrichment.unit);
     let mut text = format!(
-        "The model predicts a {percentile} of {} (95 % interval {} to {}) for the design that it \
-         recommends.",
+        "The model predicts a {percentile} of {} (95 % interval {}) for the design that it recommends.",
         shown(last.predicted),
-        significant(last.low, 4),
-        shown(last.high),
+        interval((last.low, last.high), 4),
     );
     if let (Some(verified), Some((low, high))) =
         (enrichment.verified_um, enrichment.interval_of_estimate_um)
@@ -92,10 +89,9 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
         };
         text += &format!(
             " Verification samples give {}, which {lies} the interval that it gives for an estimate from \
-             that many, {} to {}.",
+             that many, {}.",
             shown(verified),
-            significant(low, 4),
-            shown(high),
+            interval((low, high), 4),
         );
     }
     text

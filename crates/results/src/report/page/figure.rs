@@ -2,18 +2,18 @@
 
 use std::fmt::Write as _;
 
+use crate::number::significant;
 use crate::report::error::Error;
-use crate::report::number::significant;
 use crate::report::svg::{Picture, Table, escape};
 
 /// A chart as files of its own.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ChartFile {
-    /// Its name, without an ending.
+    /// The file's name, without an ending.
     pub name: String,
     /// The chart, with its style.
     pub svg: String,
-    /// What it shows; none of a drawing.
+    /// The points; `None` for a drawing.
     pub csv: Option<String>,
 }
 
@@ -73,7 +73,7 @@ pub(super) fn figure(name: &str, picture: Result<Picture, Error>) -> Result<Figu
     }
 }
 
-/// The data table of a chart, for those who do not see it.
+/// The data table of a chart, for readers who do not see it.
 fn table(data: &Table) -> String {
     let [x, y] = data.axes.each_ref().map(|label| escape(label));
     if data.len() > ROWS {

@@ -3,16 +3,18 @@
 use campaign::Approach;
 use campaign::optimise::Solution;
 
+use super::approaches::difference;
+use super::cells::ShowPercentile as _;
 use super::figure::{Figure, figure};
-use super::rows;
+use crate::number::{fixed, significant};
 use crate::optima::VerifiedOptimum;
 use crate::report::charts;
-use crate::report::data::{GearData, Illustration, PrintedDesign, ReportData};
+use crate::report::contents::{GearFigures, Report};
+use crate::report::drawing::Illustration;
 use crate::report::error::Error;
-use crate::report::number::{MISSING, capitalised, fixed, significant};
 use crate::report::paper;
+use crate::report::printed::PrintedDesign;
 use crate::report::quantity::{approach_name, criterion_name};
-use crate::report::summary::digits_of;
 use crate::report::svg::Picture;
 use crate::report::symbols;
 
@@ -24,9 +26,8 @@ pub(super) struct OptimumView {
     /// The paper's figure of the same design, and what is printed with it.
     pub(super) printed: Option<(u8, String)>,
     pub(super) failed: bool,
-    /// Charts and drawings that there are.
     pub(super) figures: Vec<Figure>,
-    /// What the figures show, in words.
+    /// The caption of the figures.
     pub(super) caption: String,
 }
 
@@ -35,11 +36,11 @@ impl OptimumView {
     pub(super) fn new(
         index: usize,
         verified: &VerifiedOptimum,
-        data: &ReportData,
-        gears: &GearData,
+        report: &Report,
+        gears: &GearFigures,
     ) -> Result<Self, Error> {
         let approach = verified.optimum.approach;
-        let label = approach_name(&data.problem, approach);
+        let label = approach_name(report.problem(), approach);
         let anchor = format!("optimum-{}", index + 1);
         let found = verified.optimum.found_or_sentence();
         let is_missing = found.is_err();
@@ -50,7 +51,12 @@ impl OptimumView {
                 let named = named(&name, &found.design.gears().values());
                 let illustration = gears.illustrations.get(&approach);
                 (
-                    summary(verified, found, illustration, &data.header.percentile),
+                    summary(
+                        verified,
+                        found,
+                        illustration,
+                        &report.snapshot.percentile_name(),
+                    ),
                     match illustration {
                         Some(illustration) => figures(&anchor, &named, illustration)?,
                         None => Vec::new(),
@@ -58,7 +64,7 @@ impl OptimumView {
                 )
             }
         };
-        let row = paper::approach(approach).filter(|_| gears.compare_with_paper);
+        let row = paper::approach(approach).filter(|_| gears.paper.is_some());
         Ok(Self {
             anchor,
             title: label.to_owned(),
@@ -79,15 +85,13 @@ impl OptimumView {
         let Some(illustration) = &design.illustration else {
             return Ok(None);
         };
-        let printed = paper::printed(design.figure).ok_or(Error::UnknownFigure {
-            figure: design.figure,
-        })?;
-        let anchor = format!("figure-{}", design.figure);
+        let printed = design.printed;
+        let anchor = format!("figure-{}", printed.figure);
         let title = capitalised(printed.name);
         let named = named(&format!("{title} of the paper"), &printed.variables);
         Ok(Some(Self {
             summary: "The paper’s design, on this model.".to_owned(),
-            printed: Some((design.figure, caption(printed))),
+            printed: Some((printed.figure, caption(printed))),
             failed: false,
             figures: figures(&anchor, &named, illustration)?,
             caption: "The gears near the contact, to scale, and in axonometric view; the static transmission \
@@ -105,7 +109,7 @@ impl OptimumView {
     }
 }
 
-/// A design with its variables, for those who do not see a chart.
+/// A design with its variables, for readers who do not see a chart.
 fn named(name: &str, variables: &[f64; 11]) -> String {
     format!("{name}, {}", symbols::design(variables))
 }
@@ -134,15 +138,13 @@ fn summary(
 ) -> String {
     let converged = illustration.and_then(|shown| shown.converged_difference_um);
     let converged = converged.map_or_else(String::new, |value| {
-        format!(" ({} µm on the converged grid)", rows::difference(value))
+        format!(" ({} µm on the converged grid)", difference(value))
     });
-    let p90 = verified.percentile;
-    let p90 = p90.map(|p90| significant(p90.value, digits_of(&p90)));
     format!(
         "{} {} µm, verified {percentile} {} µm{converged}; {}.",
         capitalised(&criterion_name(verified.optimum.approach, percentile)),
         significant(found.criterion, 3),
-        p90.as_deref().unwrap_or(MISSING),
+        verified.percentile.estimate(),
         if found.feasible {
             "feasible"
         } else {
@@ -151,7 +153,7 @@ fn summary(
     )
 }
 
-/// What the paper prints with a design.
+/// The caption that the paper prints with a design.
 fn caption(design: &paper::PrintedDesign) -> String {
     let p90 = design.p90_um.map_or_else(String::new, |value| {
         format!(", P90 {} µm from 500 samples", fixed(value, 2))
@@ -169,4 +171,12 @@ fn caption(design: &paper::PrintedDesign) -> String {
         design.criterion,
         fixed(design.criterion_um, 2),
     )
+}
+
+/// The text with its first letter in upper case.
+fn capitalised(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(chars).collect()
+    })
 }

@@ -1,13 +1,40 @@
 //! The page of one gear pair.
 
 use askama::Template;
+use campaign::formulation::Constraint;
 
+use super::cells::Show as _;
 use super::figure::{Figure, figure};
 use crate::report::charts;
-use crate::report::data::PairPage;
+use crate::report::drawing::{ContactPattern, GearDrawing, PressureCurves, SteCurves};
 use crate::report::error::Error;
-use crate::report::summary::with_unit;
 use crate::report::svg;
+use crate::report::wear::WearProfiles;
+
+/// The page of one gear pair.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PairPage {
+    /// The pair's name, for example that of its file.
+    pub title: String,
+    /// Version of the program that simulated.
+    pub program_version: String,
+    /// Whether the pair is feasible, in a sentence.
+    pub verdict: String,
+    /// The constraints with the pair's values.
+    pub constraints: Vec<Constraint>,
+    /// Further (label, value with unit) pairs, shown as they are.
+    pub figures: Vec<(String, String)>,
+    /// The gears in mesh.
+    pub drawing: GearDrawing,
+    /// Static transmission error over the mesh.
+    pub ste: SteCurves,
+    /// Contact pressure along the path of contact.
+    pub pressure: PressureCurves,
+    /// Contact pressure over the flank.
+    pub contact: ContactPattern,
+    /// Wear depths of the pinion's flank; absent without wear.
+    pub wear: Option<WearProfiles>,
+}
 
 /// One gear pair as one HTML page that loads nothing and runs nothing.
 ///
@@ -19,20 +46,6 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
         data,
         page_css: super::PAGE_STYLE,
         chart_css: svg::CSS,
-        constraints: data
-            .constraints
-            .iter()
-            .map(|constraint| Row {
-                name: &constraint.name,
-                value: with_unit(constraint.value, 5, &constraint.unit),
-                limit: format!(
-                    "{} {}",
-                    constraint.bound.sign(),
-                    with_unit(constraint.limit, 5, &constraint.unit)
-                ),
-                holds: constraint.holds(),
-            })
-            .collect(),
         section: figure("section", charts::gears(&data.drawing))?,
         ste: figure("ste", charts::ste(&data.ste))?,
         solid: figure("axonometric", charts::solid(&data.drawing))?,
@@ -55,18 +68,10 @@ struct Page<'a> {
     data: &'a PairPage,
     page_css: &'static str,
     chart_css: &'static str,
-    constraints: Vec<Row<'a>>,
     section: Figure,
     ste: Figure,
     solid: Figure,
     pressure: Figure,
     contact: Figure,
     wear: Option<Figure>,
-}
-
-struct Row<'a> {
-    name: &'a str,
-    value: String,
-    limit: String,
-    holds: bool,
 }

@@ -3,34 +3,37 @@
 use askama::Template;
 use campaign::formulation::Problem;
 
-use super::kriging::{KrigingView, kriging_view};
-use super::rows::{limited, named};
-use super::{ReportFiles, Value, nothing_found, refused, tiles};
+use super::campaign::CampaignView;
+use super::cells::{Show as _, ShowCount as _, Value, limited, named};
+use super::kriging::KrigingView;
+use super::{PAGE_STYLE, ReportFiles};
+use crate::number::{MISSING, digits_of, interval, with_unit};
 use crate::optima::VerifiedOptimum;
-use crate::report::data::ReportData;
+use crate::report::contents::Report;
 use crate::report::error::Error;
-use crate::report::number::count;
+use crate::report::notes::notes;
 use crate::report::quantity::{approach_name, variables};
-use crate::report::summary::{SummaryView, percentile_and_interval, with_unit};
+use crate::report::summary::SummaryView;
 use crate::report::svg;
 
-/// The report of a campaign with a problem of the user's.
-pub(super) fn render(data: &ReportData) -> Result<ReportFiles, Error> {
-    let header = &data.header;
+pub(super) fn render(report: &Report) -> Result<ReportFiles, Error> {
+    let snapshot = &report.snapshot;
     let page = Page {
-        data,
-        page_css: super::PAGE_STYLE,
+        report,
+        percentile: snapshot.percentile_name(),
+        response: &snapshot.problem.sampled().name,
+        page_css: PAGE_STYLE,
         chart_css: svg::CSS,
-        summary: SummaryView::new(data, &nothing_found(&header.percentile)),
-        tiles: tiles(header, false),
-        refused: refused(header),
-        optima: data
+        summary: SummaryView::new(report),
+        campaign: CampaignView::new(report),
+        optima: snapshot
             .optima
             .iter()
-            .map(|verified| Row::new(&data.problem, verified))
+            .map(|verified| OptimumRow::new(&snapshot.problem, verified))
             .collect(),
-        kriging: data.kriging.as_ref().map(kriging_view).transpose()?,
+        kriging: KrigingView::new(report)?,
         paper: false,
+        notes: notes(snapshot),
     };
     let figures = page.kriging.iter().flat_map(KrigingView::figures);
     let charts = figures.filter_map(|figure| figure.file.clone()).collect();
@@ -43,51 +46,66 @@ pub(super) fn render(data: &ReportData) -> Result<ReportFiles, Error> {
 #[derive(Template)]
 #[template(path = "problem.html")]
 struct Page<'a> {
-    data: &'a ReportData,
+    report: &'a Report,
+    percentile: String,
+    response: &'a str,
     page_css: &'static str,
     chart_css: &'static str,
-    summary: SummaryView,
-    tiles: Vec<(String, String)>,
-    refused: Vec<(String, String, String)>,
-    optima: Vec<Row>,
-    kriging: Option<KrigingView>,
+    summary: SummaryView<'a>,
+    campaign: CampaignView<'a>,
+    optima: Vec<OptimumRow<'a>>,
+    kriging: Option<KrigingView<'a>>,
     /// The paper's problem is one of gears.
     paper: bool,
+    notes: Vec<String>,
 }
 
-struct Row {
+struct OptimumRow<'a> {
     approach: &'static str,
-    /// Variables, and criteria with a mark where one breaks its limit; or why there is no design.
+    verified: &'a VerifiedOptimum,
+    /// Variables, and constraints with a mark where one is broken; or why there is no design.
     design: Result<(Vec<String>, Vec<Value>), String>,
     criterion: String,
     p90: String,
     interval: String,
-    calls: String,
 }
 
-impl Row {
-    fn new(problem: &Problem, verified: &VerifiedOptimum) -> Self {
+impl<'a> OptimumRow<'a> {
+    fn new(problem: &Problem, verified: &'a VerifiedOptimum) -> Self {
         let optimum = &verified.optimum;
         let unit = &problem.sampled().unit;
-        let [p90, interval] = percentile_and_interval(verified.percentile, 4, unit);
         let found = optimum.found_or_sentence();
+        let (p90, interval) = match verified.percentile {
+            None => (MISSING.to_owned(), MISSING.to_owned()),
+            Some(p90) => {
+                let digits = digits_of(p90.value, p90.interval).max(4);
+                let too_few = || "none: too few samples".to_owned();
+                let ends = p90.interval.map(|ends| interval(ends, digits));
+                (
+                    with_unit(p90.value, digits, unit),
+                    ends.unwrap_or_else(too_few),
+                )
+            }
+        };
         Self {
             approach: approach_name(problem, optimum.approach),
+            verified,
             criterion: found.as_ref().map_or_else(
                 |_| String::new(),
                 |found| with_unit(found.criterion, 4, unit),
             ),
             design: found.map(|found| {
-                let variables = variables(problem, &found.design);
+                let variables = variables(problem, &found.design).into_iter();
                 let constraints = verified.constraints.iter();
                 (
-                    variables.iter().map(named).collect(),
+                    variables
+                        .map(|v| named(&v.name, v.value, &v.unit))
+                        .collect(),
                     constraints.map(limited).collect(),
                 )
             }),
             p90,
             interval,
-            calls: count(optimum.cost.simulator_calls),
         }
     }
 }

@@ -3,37 +3,33 @@
 use askama::Template;
 
 use super::ReportFiles;
+use super::cells::Show as _;
 use super::figure::{Figure, figure};
 use crate::report::charts::{self, TradeoffChart};
 use crate::report::error::Error;
-use crate::report::number::significant;
 use crate::report::svg;
 
-/// What a page of speed against accuracy shows.
+/// The page of speed against accuracy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TradeoffPage {
-    /// The campaign's name.
     pub campaign: String,
-    /// The campaign's digest.
     pub digest: String,
-    /// What was measured, and how thoroughly.
+    /// The measurement, in a sentence.
     pub lead: String,
     /// Label and value of further facts: machine, program version.
     pub facts: Vec<(String, String)>,
-    /// The studies.
     pub studies: Vec<TradeoffStudy>,
-    /// What the page does not show, and where it is found.
+    /// Remarks on what the page leaves out.
     pub notes: Vec<String>,
 }
 
-/// One study: what it measured, and what follows.
+/// One study with its recommendations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TradeoffStudy {
-    /// Its name in the address of its section.
+    /// The id of its section.
     pub anchor: String,
-    /// Its heading.
     pub title: String,
-    /// What was measured.
+    /// The measurement, in a sentence.
     pub lead: String,
     /// The charts, each with its recommendation.
     pub charts: Vec<TradeoffChart>,
@@ -48,15 +44,13 @@ pub struct TradeoffStudy {
 /// One setting of one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TradeoffRow {
-    /// For what it was measured.
+    /// The chart in which the setting stands.
     pub panel: String,
-    /// The method.
     pub method: String,
-    /// The method's setting.
     pub setting: String,
-    /// What it is beside that: the campaign's setting, or a recommended one.
+    /// Marks the campaign's setting and a recommended one; empty for others.
     pub mark: String,
-    /// One value for each column; not finite where there is none.
+    /// One value for each column; NaN if there is none.
     pub values: Vec<f64>,
 }
 
@@ -69,7 +63,7 @@ pub fn render_tradeoff(data: &TradeoffPage) -> Result<ReportFiles, Error> {
     let studies = data.studies.iter().map(view);
     let page = Page {
         data,
-        page_css: include_str!("../../../templates/report.css"),
+        page_css: super::PAGE_STYLE,
         chart_css: svg::CSS,
         studies: studies.collect::<Result<_, _>>()?,
     };
@@ -86,17 +80,9 @@ fn view(study: &TradeoffStudy) -> Result<StudyView<'_>, Error> {
         let figure = figure(&chart.file, charts::tradeoff(chart))?;
         Ok(figure.with_sentence(&chart.recommendation))
     });
-    let rows = study.rows.iter().map(|row| {
-        let cells = row.values.iter().map(|value| match value.is_finite() {
-            true => significant(*value, 4),
-            false => "–".to_owned(),
-        });
-        (row, cells.collect())
-    });
     Ok(StudyView {
         study,
         figures: figures.collect::<Result<_, Error>>()?,
-        rows: rows.collect(),
     })
 }
 
@@ -112,5 +98,4 @@ struct Page<'a> {
 struct StudyView<'a> {
     study: &'a TradeoffStudy,
     figures: Vec<Figure>,
-    rows: Vec<(&'a TradeoffRow, Vec<String>)>,
 }

@@ -1,8 +1,8 @@
 //! Ranges, ticks and tick labels.
 
-use crate::report::number;
+use crate::number;
 
-/// How values are spread along an axis.
+/// The scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// In proportion.
@@ -35,12 +35,11 @@ impl Ruler {
         }
     }
 
-    /// The ruler's range.
     pub(crate) fn range(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 
-    /// Where a value lies, 0 at the low end and 1 at the high end.
+    /// The position of a value, 0 at the low end and 1 at the high end.
     pub(crate) fn position(&self, value: f64) -> f64 {
         match self.scale {
             Scale::Linear | Scale::Whole => (value - self.low) / (self.high - self.low),

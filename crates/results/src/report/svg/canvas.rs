@@ -26,7 +26,7 @@ pub(crate) fn text_width(text: &str) -> f64 {
     6.8 * text.chars().count() as f64
 }
 
-/// Where a text's x coordinate stands within the text.
+/// The point of a text that lies at its x coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,
@@ -47,7 +47,6 @@ impl Canvas {
         }
     }
 
-    /// A rectangle.
     pub(crate) fn rect(&mut self, low: [f64; 2], high: [f64; 2], class: &str) {
         self.element(format_args!(
             r#"<rect class="{class}" x="{}" y="{}" width="{}" height="{}"/>"#,
@@ -58,7 +57,6 @@ impl Canvas {
         ));
     }
 
-    /// A circle.
     pub(crate) fn circle(&mut self, centre: [f64; 2], radius: f64, class: &str) {
         self.element(format_args!(
             r#"<circle class="{class}" cx="{}" cy="{}" r="{}"/>"#,
@@ -146,7 +144,7 @@ impl Canvas {
         self.place_text(at, anchor, "", &turn, text);
     }
 
-    /// A line of ordinary text that starts at `at`.
+    /// A line of ordinary text.
     pub(crate) fn label(&mut self, at: [f64; 2], text: &str) {
         self.text(at, Anchor::Start, "", text);
     }
@@ -195,12 +193,12 @@ impl Canvas {
 
 /// A finished picture.
 #[derive(Debug, Clone)]
-pub(crate) struct Picture {
+pub struct Picture {
     width: f64,
     height: f64,
     label: String,
     body: String,
-    /// What is drawn, of a chart.
+    /// The points; `None` for a drawing.
     data: Option<Table>,
 }
 
@@ -214,7 +212,7 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// How many points there are.
+    /// Number of points.
     pub(crate) fn len(&self) -> usize {
         self.series.iter().map(|(_, points)| points.len()).sum()
     }
@@ -251,7 +249,12 @@ impl Picture {
         }
     }
 
-    /// The points that it shows, of a chart.
+    /// The picture in words.
+    pub(crate) fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The points; `None` for a drawing.
     pub(crate) const fn data(&self) -> Option<&Table> {
         self.data.as_ref()
     }
@@ -262,7 +265,8 @@ impl Picture {
     }
 
     /// The picture as a file of its own, with its style and background.
-    pub(crate) fn standalone(&self) -> String {
+    #[must_use]
+    pub fn standalone(&self) -> String {
         let head = format!(
             "<style>{}</style>\n<rect class=\"bg\" width=\"{}\" height=\"{}\"/>\n",
             super::CSS,

@@ -13,18 +13,16 @@ pub(crate) fn drawable(value: f64, scale: Scale) -> bool {
     value.abs() < GREATEST && (scale != Scale::Log || value > 1.0 / GREATEST)
 }
 
-/// One axis.
 #[derive(Debug, Clone)]
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
-    /// How values are spread along it.
     pub scale: Scale,
     /// The range to show; the data's own range if `None`.
     pub range: Option<(f64, f64)>,
 }
 
-/// How a series looks.
+/// The marks of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mark {
     /// A line, with its dash pattern (empty for a full line).
@@ -47,12 +45,10 @@ pub enum Mark {
     Guide,
 }
 
-/// One series.
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// Its entry in the legend, if it has one.
+    /// The entry in the legend, if it has one.
     pub name: Option<String>,
-    /// How it looks.
     pub mark: Mark,
     /// Index into the palette.
     pub colour: usize,
@@ -60,14 +56,11 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
 }
 
-/// A chart.
 #[derive(Debug, Clone)]
 pub struct Chart {
     /// Shown above the chart and read aloud.
     pub title: String,
-    /// The horizontal axis.
     pub x: Axis,
-    /// The vertical axis.
     pub y: Axis,
     /// Drawn in order, the last on top.
     pub series: Vec<Series>,

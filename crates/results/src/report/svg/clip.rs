@@ -1,6 +1,6 @@
 //! Cutting lines and areas at a rectangle, so that no picture needs a clip path (and its id).
 
-/// A rectangle, in whatever coordinates the points have.
+/// A rectangle, in the coordinates of the points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Window {
     /// Least x and y.

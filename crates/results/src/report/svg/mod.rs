@@ -10,7 +10,8 @@ mod chart;
 mod clip;
 
 pub use axis::Scale;
-pub(crate) use canvas::{Canvas, Picture, Table, escape, text_width};
+pub use canvas::Picture;
+pub(crate) use canvas::{Canvas, Table, escape, text_width};
 pub use chart::{Axis, Chart, Mark, Series};
 pub(crate) use chart::{PALETTE, drawable};
 pub(crate) use clip::{Window, clip_polygon, clip_polyline};

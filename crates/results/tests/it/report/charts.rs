@@ -51,54 +51,55 @@ fn every_chart_is_a_picture_of_its_own() {
     let data = report.gears.unwrap();
     let optimum = &data.illustrations[&Approach::Nominal];
     let pictures = [
-        chart_wear(data.wear.as_ref().unwrap()).unwrap(),
-        chart_responses(
+        charts::wear(data.wear.as_ref().unwrap(), charts::FULL).unwrap(),
+        charts::responses(
             &data.doe,
             "P90",
             Response::Unworn,
             Response::Percentile,
-            Extent::Full,
+            charts::Extent::Full,
         )
         .unwrap(),
-        chart_responses(
+        charts::responses(
             &data.doe,
             "P90",
             Response::Unworn,
             Response::Percentile,
-            Extent::Logarithmic,
+            charts::Extent::Logarithmic,
         )
         .unwrap(),
-        chart_responses(
+        charts::responses(
             &data.doe,
             "P90",
             Response::Archard,
             Response::Percentile,
-            Extent::Zoom,
+            charts::Extent::Zoom,
         )
         .unwrap(),
-        chart_leave_one_out(&report.kriging.unwrap()).unwrap(),
-        chart_convergence("Without wear", &data.runs[&Approach::Nominal]).unwrap(),
-        chart_gears(&optimum.drawing).unwrap(),
-        chart_ste(&optimum.ste).unwrap(),
-        chart_solid(&optimum.drawing).unwrap(),
-        chart_contact(optimum.contact.as_ref().unwrap()).unwrap(),
+        charts::leave_one_out(&report.snapshot.model.unwrap().0, "µm").unwrap(),
+        charts::convergence("Without wear", &data.runs[&Approach::Nominal]).unwrap(),
+        charts::gears(&optimum.drawing).unwrap(),
+        charts::ste(&optimum.ste).unwrap(),
+        charts::solid(&optimum.drawing).unwrap(),
+        charts::contact(optimum.contact.as_ref().unwrap()).unwrap(),
     ];
     for picture in &pictures {
-        check_picture(picture);
+        check_picture(&picture.standalone());
     }
 }
 
 #[test]
 fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
     let data = plausible().gears.unwrap();
-    let svg = chart_responses(
+    let svg = charts::responses(
         &data.doe,
         "P90",
         Response::Unworn,
         Response::Archard,
-        Extent::Full,
+        charts::Extent::Full,
     )
-    .unwrap();
+    .unwrap()
+    .standalone();
     assert_eq!(svg.matches("h0").count(), data.doe.len());
     assert!(
         svg.len() < 16 * data.doe.len() + 6000,
@@ -111,17 +112,18 @@ fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
 fn a_zoom_shows_part_of_the_designs() {
     let data = plausible().gears.unwrap();
     let dots = |extent| {
-        let svg = chart_responses(
+        let svg = charts::responses(
             &data.doe,
             "P90",
             Response::Archard,
             Response::Percentile,
             extent,
         )
-        .unwrap();
+        .unwrap()
+        .standalone();
         svg.matches("h0").count()
     };
-    let (all, part) = (dots(Extent::Full), dots(Extent::Zoom));
+    let (all, part) = (dots(charts::Extent::Full), dots(charts::Extent::Zoom));
     // A fifth of each coordinate, strongly correlated, and the axes end on round values beyond.
     assert!(part > all / 8 && part < all / 2, "{part} of {all}");
 }
@@ -142,20 +144,20 @@ fn points_that_cannot_be_shown_are_skipped() {
         point(f64::MAX, 3.0),
     ];
     let dots = |extent| {
-        let svg =
-            chart_responses(&doe, "P90", Response::Unworn, Response::Archard, extent).unwrap();
+        let chart = charts::responses(&doe, "P90", Response::Unworn, Response::Archard, extent);
+        let svg = chart.unwrap().standalone();
         check_picture(&svg);
         svg.matches("h0").count()
     };
-    assert_eq!(dots(Extent::Full), 3);
-    assert_eq!(dots(Extent::Logarithmic), 1);
+    assert_eq!(dots(charts::Extent::Full), 3);
+    assert_eq!(dots(charts::Extent::Logarithmic), 1);
     assert!(matches!(
-        chart_responses(
+        charts::responses(
             &doe[1..3],
             "P90",
             Response::Unworn,
             Response::Archard,
-            Extent::Full
+            charts::Extent::Full
         ),
         Err(Error::NothingToDraw { .. })
     ));
@@ -176,7 +178,7 @@ fn awkward_ranges_still_give_pictures() {
             unworn_um: values.to_vec(),
             worn_um: Vec::new(),
         };
-        check_picture(&chart_ste(&curves).unwrap());
+        check_picture(&charts::ste(&curves).unwrap().standalone());
     }
 }
 
@@ -189,11 +191,11 @@ fn a_run_without_values_is_nothing_to_draw() {
         run.restarts = vec![1, 6000];
     }
     assert!(matches!(
-        chart_convergence("one", runs),
+        charts::convergence("one", runs),
         Err(Error::NothingToDraw { .. })
     ));
     runs[1].best = vec![(1, f64::INFINITY), (7, 3.0)];
-    check_picture(&chart_convergence("one", runs).unwrap());
+    check_picture(&charts::convergence("one", runs).unwrap().standalone());
 }
 
 #[test]
@@ -216,7 +218,7 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
         face_width_mm: 10.0,
         twist_rad: [0.0; 2],
     };
-    let svg = chart_gears(&drawing).unwrap();
+    let svg = charts::gears(&drawing).unwrap().standalone();
     check_picture(&svg);
     let outlines: Vec<&str> = svg.split("class=\"curve s0\" d=\"").skip(1).collect();
     // The outline comes first, its legend sample second.
@@ -248,7 +250,7 @@ fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
         twist_rad: [0.0; 2],
     };
     assert!(matches!(
-        chart_gears(&far),
+        charts::gears(&far),
         Err(Error::NothingToDraw { .. })
     ));
     let none = GearDrawing {
@@ -256,7 +258,7 @@ fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
         ..far
     };
     assert!(matches!(
-        chart_gears(&none),
+        charts::gears(&none),
         Err(Error::NothingToDraw { .. })
     ));
 }
@@ -266,7 +268,7 @@ fn a_contact_pattern_leaves_blank_what_carries_no_load() {
     let data = plausible().gears.unwrap();
     let optimum = &data.illustrations[&Approach::Nominal];
     let mut pattern = optimum.contact.clone().unwrap();
-    let svg = chart_contact(&pattern).unwrap();
+    let svg = charts::contact(&pattern).unwrap().standalone();
     let loaded = pattern.pressure_mpa.iter().flatten().filter(|p| **p > 0.0);
     let loaded = loaded.count();
     // A rectangle of the drawing for each loaded place.
@@ -278,7 +280,7 @@ fn a_contact_pattern_leaves_blank_what_carries_no_load() {
     assert!(loaded < 40 && svg.contains(&format!("{:.0} % of the flank", 2.5 * loaded as f64)));
     pattern.pressure_mpa[3].pop();
     assert!(matches!(
-        chart_contact(&pattern),
+        charts::contact(&pattern),
         Err(Error::LengthMismatch {
             expected: 5,
             found: 4,
@@ -287,7 +289,7 @@ fn a_contact_pattern_leaves_blank_what_carries_no_load() {
     ));
     pattern.pressure_mpa = vec![vec![0.0; 5]; 8];
     assert!(matches!(
-        chart_contact(&pattern),
+        charts::contact(&pattern),
         Err(Error::NothingToDraw { .. })
     ));
 }
@@ -297,13 +299,13 @@ fn a_helix_shows_in_the_axonometric_view() {
     let data = plausible().gears.unwrap();
     let optimum = &data.illustrations[&Approach::Nominal];
     let mut drawing = optimum.drawing.clone();
-    let helical = chart_solid(&drawing).unwrap();
+    let helical = charts::solid(&drawing).unwrap().standalone();
     // Both near end faces, on top of everything else, and the legend's samples.
     assert_eq!(helical.matches("class=\"solid g0e\"").count(), 2);
     let walls = helical.rfind("class=\"solid g00\"").unwrap();
     assert!(walls < helical.find("class=\"solid g0e\"").unwrap());
     drawing.twist_rad = [0.0; 2];
-    let spur = chart_solid(&drawing).unwrap();
+    let spur = charts::solid(&drawing).unwrap().standalone();
     // Helical teeth are drawn in layers, spur teeth in one.
     assert!(
         spur.len() < helical.len(),
@@ -313,7 +315,7 @@ fn a_helix_shows_in_the_axonometric_view() {
     );
     drawing.face_width_mm = f64::NAN;
     assert!(matches!(
-        chart_solid(&drawing),
+        charts::solid(&drawing),
         Err(Error::NothingToDraw { .. })
     ));
 }

@@ -6,14 +6,18 @@ use std::collections::BTreeMap;
 use campaign::formulation::Problem;
 use campaign::optimise::Solution;
 use campaign::{Approach, Campaign, Criteria, Design, GearCriteria};
+use kriging::{Data, Settings, Surrogate};
 use results::costs::StageCost;
 use results::optima::Optima;
 use results::report::*;
+use results::snapshot::Snapshot;
 use stages::cost::Cost;
+use stages::fitting::ModelSummary;
 use stages::optima::{NoOptimum, Optimum};
 use stages::stage::Stage;
 use stages::verification::Verification;
 use stats::OrderStatistic;
+use store::{CampaignRow, CriteriaRow};
 
 /// A small generator of its own, so that the data never change with a library.
 struct Noise(u64);
@@ -35,61 +39,72 @@ impl Noise {
 }
 
 /// A whole campaign like the paper's.
-pub(crate) fn plausible() -> ReportData {
-    let doe = doe(2175);
-    let leave_one_out = leave_one_out(&doe);
+pub(crate) fn plausible() -> Report {
+    let doe = doe(SIMULABLE);
     let problem = problem();
-    ReportData {
-        header: header(),
+    let model = model(&problem, &doe);
+    Report {
+        snapshot: Snapshot {
+            criteria: criteria(),
+            samples: 204_409,
+            optima: Optima::new(&problem, optima()),
+            model: Some(model),
+            costs: costs(),
+            ..nothing(problem)
+        },
         missing: Vec::new(),
-        inputs: vec![("Teeth".to_owned(), "20 / 20".to_owned())],
         made: vec![("Machine".to_owned(), "bench".to_owned())],
-        left_out: "Dynamics.".to_owned(),
-        optima: Optima::new(&problem, optima()),
-        kriging: Some(KrigingFit {
-            title: "P90 after the design of experiments".to_owned(),
-            unit: "µm".to_owned(),
-            kernel: "Matérn 5/2".to_owned(),
-            parameters: parameters(),
-            q2: 0.874,
-            rmse: 0.61,
-            coverage_90: 0.938,
-            warnings: vec![
-                "design 59 lies 5.1 standard deviations from its leave-one-out prediction"
-                    .to_owned(),
-            ],
-            leave_one_out,
-            slices: vec![slice()],
-            indices: vec![VariableIndices {
-                variable: symbol("x_p"),
-                first: 0.31,
-                total: 0.46,
-            }],
-        }),
-        notes: vec![
-            "The samples of design 1204 were computed twice; both results agree.".to_owned(),
-            "The model leaves out tooth corrections, bearing and shaft compliance, and dynamics."
-                .to_owned(),
-        ],
-        gears: Some(GearData {
-            compare_with_paper: true,
-            preliminary: preliminary(),
-            similar: paper::SIMILAR
-                .iter()
-                .map(|row| SimilarDesign {
-                    variables: row.variables,
-                    delta_ste_archard_um: row.delta_ste_archard_um * 1.07,
-                    p90: Some(percentile(row.p90_um * 1.05)),
-                })
-                .collect(),
+        slices: vec![slice()],
+        indices: vec![VariableIndices {
+            variable: symbol("x_p"),
+            first: 0.31,
+            total: 0.46,
+        }],
+        gears: Some(GearFigures {
+            paper: Some(PaperFigures {
+                preliminary: preliminary(),
+                similar: similar(),
+                designs: printed(),
+            }),
             wear: Some(wear()),
             illustrations: illustrations(),
             runs: runs(),
             enrichment: Some(enrichment()),
-            printed: printed(),
             doe,
         }),
+    }
+}
+
+/// Number of simulable designs, of 3000.
+const SIMULABLE: usize = 2175;
+
+/// A campaign in which nothing was found.
+pub(crate) fn nothing(problem: Problem) -> Snapshot {
+    Snapshot {
+        campaign: CampaignRow {
+            name: "synthetic".to_owned(),
+            file_text: Campaign::PAPER.to_owned(),
+            digest: problem.campaign().digest(),
+            seed: problem.campaign().seed,
+            program_version: "0.1.0".to_owned(),
+            model_digest: None,
+        },
         problem,
+        designs: Vec::new(),
+        criteria: Vec::new(),
+        responses: Vec::new(),
+        samples: 0,
+        samples_digest: "9f2c6c1d0b7e4a55e1d3c8f7a6b5948372615049f8e7d6c5b4a3928170655443"
+            .to_owned(),
+        optima: Optima::default(),
+        runs: Vec::new(),
+        model: None,
+        infill: Vec::new(),
+        rounds: Vec::new(),
+        printed: BTreeMap::new(),
+        failures: Vec::new(),
+        costs: Vec::new(),
+        doubts: Vec::new(),
     }
 }
 
@@ -125,59 +140,69 @@ fn enrichment() -> Enrichment {
     }
 }
 
-fn header() -> Header {
-    let reason = |reason: &str, count| (reason.to_owned(), count);
+fn costs() -> Vec<StageCost> {
     let stage = |stage, cpu_seconds: f64| StageCost {
         stage,
         wall_seconds: 0.5 * cpu_seconds + 1.0,
         cpu_seconds,
     };
-    Header {
-        campaign: "synthetic".to_owned(),
-        campaign_digest: "c0ffee".to_owned(),
-        seed: 2009,
-        program_version: "0.1.0".to_owned(),
-        samples_digest: "9f2c6c1d0b7e4a55e1d3c8f7a6b5948372615049f8e7d6c5b4a3928170655443"
-            .to_owned(),
-        designs: 3000,
-        samples_per_design: 30,
-        percentile: "P90".to_owned(),
-        simulable: 2175,
-        refused: vec![
-            reason("contact beyond a base tangent point", 611),
-            reason("involute equation has no solution", 142),
-            reason("a mesh position has no pair in contact", 72),
-        ],
-        simulator_calls: 211_584,
-        stages: vec![
-            stage(Stage::Doe, 12.7),
-            stage(Stage::Sample, 934.2),
-            stage(Stage::Fit, 88.0),
-            stage(Stage::Optimise, 310.4),
-            stage(Stage::Verify, 21.6),
-        ],
-        facts: vec![
-            ("Tooth model".to_owned(), "hertz-beam".to_owned()),
-            (
-                "Greatest wear depth per flank".to_owned(),
-                "3.5 µm".to_owned(),
-            ),
-        ],
-    }
+    vec![
+        stage(Stage::Doe, 12.7),
+        stage(Stage::Sample, 934.2),
+        stage(Stage::Fit, 88.0),
+        stage(Stage::Optimise, 310.4),
+        stage(Stage::Verify, 21.6),
+    ]
+}
+
+/// Rows with the reasons why designs are not simulable.
+fn criteria() -> Vec<CriteriaRow> {
+    let reasons = [
+        (None, SIMULABLE),
+        (Some("contact beyond a base tangent point: s = 1"), 611),
+        (Some("involute equation has no solution"), 142),
+        (Some("a mesh position has no pair in contact"), 72),
+    ];
+    let reasons = reasons.into_iter();
+    let reasons = reasons.flat_map(|(reason, count)| std::iter::repeat_n(reason, count));
+    (0..)
+        .zip(reasons)
+        .map(|(design, reason)| CriteriaRow {
+            design,
+            simulable: reason.is_none(),
+            reason: reason.map(str::to_owned),
+            responses: None,
+        })
+        .collect()
 }
 
 fn preliminary() -> Vec<PreliminaryDesign> {
     let rows = paper::PRELIMINARY.iter().zip([0.41, 0.03, 0.78, 0.22]);
-    rows.map(|(row, lilliefors_p)| PreliminaryDesign {
-        variables: row.variables,
-        samples: 500,
-        mean_um: row.mean_um * 0.9,
-        sd_um: row.sd_um * 1.1,
-        p90_um: row.p90_um * 0.93,
-        lilliefors_p,
-        p90_variance_um2: row.p90_variance_um2 * 1.21,
-    })
-    .collect()
+    (1..)
+        .zip(rows)
+        .map(|(number, (printed, lilliefors_p))| PreliminaryDesign {
+            number,
+            printed,
+            samples: 500,
+            mean_um: printed.mean_um * 0.9,
+            sd_um: printed.sd_um * 1.1,
+            p90_um: printed.p90_um * 0.93,
+            lilliefors_p,
+            p90_variance_um2: printed.p90_variance_um2 * 1.21,
+        })
+        .collect()
+}
+
+fn similar() -> Vec<SimilarDesign> {
+    (1..)
+        .zip(&paper::SIMILAR)
+        .map(|(number, printed)| SimilarDesign {
+            number,
+            printed,
+            delta_ste_archard_um: printed.delta_ste_archard_um * 1.07,
+            p90: Some(percentile(printed.p90_um * 1.05)),
+        })
+        .collect()
 }
 
 fn doe(n: usize) -> Vec<DoePoint> {
@@ -195,39 +220,47 @@ fn doe(n: usize) -> Vec<DoePoint> {
         .collect()
 }
 
-fn leave_one_out(doe: &[DoePoint]) -> Vec<LeaveOneOut> {
+/// The summary of a model of these designs, and a small model to stand beside it.
+fn model(problem: &Problem, doe: &[DoePoint]) -> (ModelSummary, Surrogate) {
     let mut noise = Noise(11);
-    (0..)
-        .zip(doe)
-        .map(|(design, p)| {
-            let residual = noise.normal();
-            LeaveOneOut {
-                design,
-                observed: p.p90_um,
-                predicted: 0.95 * p.p90_um + 0.3 + (0.2 + 0.06 * p.p90_um) * residual,
-                standardised: -residual,
-            }
-        })
-        .collect()
-}
-
-fn parameters() -> Vec<Parameter> {
-    let parameter = |name: &str, value, unit: &str| Parameter {
-        name: name.to_owned(),
-        value,
-        unit: unit.to_owned(),
+    let observed: Vec<f64> = doe.iter().map(|point| point.p90_um).collect();
+    let standardised: Vec<f64> = doe.iter().map(|_| -noise.normal()).collect();
+    let residuals = observed.iter().zip(&standardised).zip(0..);
+    let residuals = residuals.map(|((observed, standardised), number)| {
+        let deviation = 0.2 + 0.06 * observed;
+        (number, 0.05 * observed - 0.3 + deviation * standardised)
+    });
+    let summary = ModelSummary {
+        kernel: "Matérn 5/2".to_owned(),
+        points: doe.len(),
+        mu: 8.114,
+        sigma2: 21.37,
+        ranges: [1.842, 1.655, 0.8412, 0.9127, 2.315, 2.744]
+            .map(Some)
+            .to_vec(),
+        negative_log_likelihood: 3127.45,
+        q2: 0.874,
+        rmse: 0.61,
+        coverage90: 0.938,
+        residuals: residuals.collect(),
+        standardised,
+        observed,
+        best_of_doe: None,
+        warnings: vec![
+            "design 59 lies 5.1 standard deviations from its leave-one-out prediction".to_owned(),
+        ],
+        cpu_seconds: 88.0,
     };
-    vec![
-        parameter("mean µ", 8.114, "µm"),
-        parameter("process variance σ²", 21.37, "µm²"),
-        parameter("range of x₁", 1.842, ""),
-        parameter("range of x₂", 1.655, ""),
-        parameter("range of ha₀₁", 0.8412, ""),
-        parameter("range of ha₀₂", 0.9127, ""),
-        parameter("range of hf₀₁", 2.315, ""),
-        parameter("range of hf₀₂", 2.744, ""),
-        parameter("log-likelihood", -3127.45, ""),
-    ]
+    let d = problem.dimension();
+    let x: Vec<f64> = (0..20 * d).map(|_| noise.uniform()).collect();
+    let data = Data {
+        x: &x,
+        d,
+        y: &x[..20],
+        noise_variance: &[0.01; 20],
+    };
+    let surrogate = Surrogate::fit(&data, &Settings::default()).unwrap();
+    (summary, surrogate)
 }
 
 fn wear() -> WearProfiles {
@@ -412,33 +445,47 @@ fn ste(i: usize) -> SteCurves {
 }
 
 fn printed() -> Vec<PrintedDesign> {
-    let notes = ["", "notch factor outside its range of validity", "", "", ""];
-    paper::PRINTED
-        .iter()
-        .enumerate()
-        .map(|(i, design)| {
-            let outcome = Ok(PrintedFigures {
-                contact_ratio: (design.contact_ratio * 1.003).into(),
-                specific_slip: (design.specific_slip * 0.997).into(),
-                von_mises_mpa: ModelFigure {
-                    value: design.von_mises_mpa * if i == 0 { 0.333 } else { 1.15 },
-                    note: notes[usize::from(i == 0)].to_owned(),
-                },
-                pressure_mpa: (design.pressure_mpa * 1.12).into(),
-                criterion: (design.criterion_um * if i == 3 { 1.95 } else { 1.04 }).into(),
-                p90_um: f64::NAN.into(),
-            });
-            let outcome = if i == 4 {
-                Err("the store holds no sample of it".to_owned())
-            } else {
-                outcome
+    let designs = paper::PRINTED.iter().enumerate();
+    designs
+        .map(|(i, printed)| {
+            let figure = |markup, unit, printed, ratio: f64| PrintedFigure {
+                symbol: "",
+                markup,
+                unit,
+                printed,
+                ours: printed * ratio,
+                note: String::new(),
             };
+            let stress = if i == 0 { 0.333 } else { 1.15 };
+            let note = match i {
+                0 => "notch factor outside its range of validity",
+                _ => "",
+            };
+            let criterion = if i == 3 { 1.95 } else { 1.04 };
+            let mut figures = vec![
+                figure("contact ratio", "", printed.contact_ratio, 1.003),
+                figure("specific slip", "", printed.specific_slip, 0.997),
+                PrintedFigure {
+                    note: note.to_owned(),
+                    ..figure("root stress", "MPa", printed.von_mises_mpa, stress)
+                },
+                figure("contact pressure", "MPa", printed.pressure_mpa, 1.12),
+                figure("criterion", "µm", printed.criterion_um, criterion),
+            ];
+            figures.extend(
+                printed
+                    .p90_um
+                    .map(|printed| figure("P90", "µm", printed, f64::NAN)),
+            );
             PrintedDesign {
-                figure: design.figure,
-                outcome,
+                printed,
+                figures: match i {
+                    4 => Err("the store holds no sample of it".to_owned()),
+                    _ => Ok(figures),
+                },
                 illustration: (i == 0).then(|| Illustration {
                     converged_difference_um: None,
-                    drawing: gears(&design.variables),
+                    drawing: gears(&printed.variables),
                     ste: ste(i),
                     contact: None,
                 }),

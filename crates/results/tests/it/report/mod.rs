@@ -5,56 +5,49 @@ mod charts;
 mod data;
 mod markup;
 
-use data::{no_optima, optima, plausible, problem, verification};
+use data::{no_optima, nothing, optima, plausible, problem, verification};
 use markup::{check, element_count};
 use results::optima::Optima;
 use results::report::*;
+use stages::fitting::ModelSummary;
+use stages::optima::Optimum;
+use stages::verification::Verification;
 
 /// A campaign in which nothing was found.
-fn empty() -> ReportData {
-    ReportData {
-        problem: problem(),
-        header: Header {
-            campaign: "nothing".to_owned(),
-            campaign_digest: String::new(),
-            seed: 1,
-            program_version: "0.1.0".to_owned(),
-            samples_digest: String::new(),
-            designs: 0,
-            samples_per_design: 0,
-            percentile: "P90".to_owned(),
-            simulable: 0,
-            refused: Vec::new(),
-            simulator_calls: 0,
-            stages: Vec::new(),
-            facts: Vec::new(),
-        },
+fn empty() -> Report {
+    Report {
+        snapshot: nothing(problem()),
         missing: Vec::new(),
-        inputs: Vec::new(),
         made: Vec::new(),
-        left_out: String::new(),
-        optima: Optima::default(),
-        kriging: None,
-        notes: Vec::new(),
-        gears: Some(GearData {
-            compare_with_paper: true,
-            ..GearData::default()
+        slices: Vec::new(),
+        indices: Vec::new(),
+        gears: Some(GearFigures {
+            paper: Some(PaperFigures::default()),
+            ..GearFigures::default()
         }),
     }
 }
 
-/// The data of a campaign that is not the paper's.
-fn without_paper(mut data: ReportData) -> ReportData {
-    gears(&mut data).compare_with_paper = false;
-    data
+/// The report of a campaign that is not the paper's.
+fn without_paper(mut report: Report) -> Report {
+    gears(&mut report).paper = None;
+    report
 }
 
-fn gears(data: &mut ReportData) -> &mut GearData {
-    data.gears.as_mut().unwrap()
+fn gears(report: &mut Report) -> &mut GearFigures {
+    report.gears.as_mut().unwrap()
 }
 
-fn kriging(data: &mut ReportData) -> &mut KrigingFit {
-    data.kriging.as_mut().unwrap()
+fn of_paper(report: &mut Report) -> &mut PaperFigures {
+    gears(report).paper.as_mut().unwrap()
+}
+
+fn model(report: &mut Report) -> &mut ModelSummary {
+    &mut report.snapshot.model.as_mut().unwrap().0
+}
+
+fn set_optima(report: &mut Report, all: Vec<(Optimum, Option<Verification>)>) {
+    report.snapshot.optima = Optima::new(&report.snapshot.problem, all);
 }
 
 #[test]
@@ -145,33 +138,34 @@ fn text_from_outside_is_escaped_everywhere() {
     const EVIL: &str = "<script>alert('x')</script>&\"";
     let mut data = plausible();
     let evil = || EVIL.to_owned();
-    data.header.campaign = evil();
-    data.header.program_version = evil();
-    data.header.samples_digest = evil();
-    data.header.refused[0].0 = evil();
-    data.header.facts.push((evil(), evil()));
-    data.notes.push(evil());
-    kriging(&mut data).title = evil();
-    kriging(&mut data).kernel = evil();
-    kriging(&mut data).parameters[0].name = evil();
-    kriging(&mut data).parameters[0].unit = evil();
+    data.snapshot.campaign.name = evil();
+    data.snapshot.campaign.program_version = evil();
+    data.snapshot.samples_digest = evil();
+    data.snapshot.criteria[2999].reason = Some(evil());
+    data.made.push((evil(), evil()));
+    data.snapshot.doubts.push(evil());
+    model(&mut data).kernel = evil();
+    model(&mut data).warnings = vec![evil()];
+    data.indices[0].variable = evil();
     let mut all = optima();
     all[0].0.note = evil();
     all[1] = no_optima(EVIL).swap_remove(1);
-    data.optima = Optima::new(&data.problem, all);
+    set_optima(&mut data, all);
     let parts = gears(&mut data);
     parts.enrichment.as_mut().unwrap().stop = evil();
     parts.wear.as_mut().unwrap().subject = evil();
-    parts.printed[0].outcome = Err(evil());
-    if let Ok(figures) = &mut parts.printed[1].outcome {
-        figures.pressure_mpa.note = evil();
+    let designs = &mut of_paper(&mut data).designs;
+    designs[0].figures = Err(evil());
+    if let Ok(figures) = &mut designs[1].figures {
+        figures[0].note = evil();
     }
     let page = render(&data).unwrap().html;
     check(&page);
     assert!(!page.contains("<script"));
     // The title twice (head and heading), and once for each of the others; the failed approach
-    // gives its reason in the table and in its own section, and the subject of the wear stands in the
-    // alternative text, the title and the caption of its chart.
+    // gives its reason in the table and in its own section, the warning of the model stands beside it
+    // and in the notes, and the subject of the wear stands in the alternative text, the title and the caption
+    // of its chart.
     assert_eq!(page.matches("alert(").count(), 21);
 }
 
@@ -188,9 +182,9 @@ fn numbers_reach_the_tables() {
         "5.24 5.82 0.45 0.41 5.90 6.34",     // Table 1, design 1, ours and the paper's alternating
         "0.012 0.010 0.11 0.10",             // Table 2, design 1
         "4.83",                              // Table 3
-        "[0.49 ; 42.70]",                    // Table 3
+        "[0.49; 42.70]",                     // Table 3
         "2.59 2.42 3.18 3.03",               // Table 4, design 1
-        "6.64 [6.58 ; 6.69]",                // Table 5, without wear
+        "6.64 [6.58; 6.69]",                 // Table 5, without wear
         "▲ 2.284",                           // broken slip limit
         "▲ no",                              // so infeasible
         "▲ 0.030",                           // Lilliefors
@@ -218,7 +212,7 @@ fn the_headline_names_the_best_feasible_design_only() {
     assert!(page.contains("Unfinished: 75 of 120 designs sampled."));
     assert!(!markup::text(&page).contains("261 MPa"));
     let mut data = plausible();
-    data.optima = Optima::new(&data.problem, no_optima("stopped"));
+    set_optima(&mut data, no_optima("stopped"));
     let page = render(&data).unwrap().html;
     check(&page);
     assert!(page.contains("No approach ended on a feasible design"));
@@ -234,7 +228,6 @@ fn other_campaigns_have_no_paper_columns() {
     for absent in ["in the paper", "paper", "6.38", "42.70", "Figure 6"] {
         assert!(!text.contains(absent), "{absent}");
     }
-    assert!(text.contains("5.24 0.45 5.90"));
 }
 
 /// The order in which parts begin, by what stands first in each.
@@ -289,7 +282,7 @@ fn other_campaigns_have_the_same_charts_and_no_empty_sections() {
         .skip(1)
         .filter_map(|rest| rest.split('"').next())
         .collect();
-    assert_eq!(sections, ["summary", "campaign"]);
+    assert_eq!(sections, ["summary", "campaign", "notes", "key"]);
 }
 
 #[test]
@@ -337,34 +330,25 @@ fn percentiles_have_the_decimals_that_their_intervals_need() {
     let mut data = plausible();
     let mut all = optima();
     all[0].1 = Some(verification(1.492, 0.0002));
-    data.optima = Optima::new(&data.problem, all);
+    set_optima(&mut data, all);
     let text = markup::text(&render(&data).unwrap().html);
-    assert!(text.contains("1.492 [1.489 ; 1.495]"), "{text}");
-}
-
-#[test]
-fn the_papers_figures_stand_beside_its_own_designs_only() {
-    let mut data = plausible();
-    gears(&mut data).preliminary[0].variables[0] += 0.01;
-    let text = markup::text(&render(&data).unwrap().html);
-    assert!(text.contains("5.24 – 0.45 – 5.90 –"));
-    assert!(text.contains("5.60 6.22"));
+    assert!(text.contains("1.492 [1.489; 1.495]"), "{text}");
 }
 
 #[test]
 fn values_that_are_not_finite_are_dashes() {
     let mut data = plausible();
-    let parts = gears(&mut data);
-    parts.preliminary[0].mean_um = f64::NAN;
-    parts.doe.iter_mut().for_each(|p| p.p90_um = f64::NAN);
-    data.header.stages[0].cpu_seconds = f64::INFINITY;
-    kriging(&mut data).q2 = f64::NEG_INFINITY;
+    of_paper(&mut data).preliminary[0].mean_um = f64::NAN;
+    let doe = &mut gears(&mut data).doe;
+    doe.iter_mut().for_each(|p| p.p90_um = f64::NAN);
+    data.snapshot.costs[0].cpu_seconds = f64::INFINITY;
+    model(&mut data).q2 = f64::NEG_INFINITY;
     let mut all = optima();
     all[0].1 = None;
     if let Ok(found) = &mut all[0].0.found {
         found.criterion = f64::NAN;
     }
-    data.optima = Optima::new(&data.problem, all);
+    set_optima(&mut data, all);
     let page = render(&data).unwrap().html;
     check(&page);
     for raw in ["NaN", ">inf<", "inf "] {
@@ -383,7 +367,7 @@ fn the_enrichment_is_told_in_sentences() {
     for expected in [
         "4 rounds asked for 66 new designs and 30 further turns",
         "2880 samples beside the 10\u{202f}500 of the DoE, 13\u{202f}380 in all. 2 of the points failed.",
-        "predicts a P90 of 1.360 µm (95 % interval 1.345 to 1.375 µm)",
+        "predicts a P90 of 1.360 µm (95 % interval [1.345; 1.375])",
         "Verification samples give 1.350 µm, which lies within",
         "The enrichment has converged.",
     ] {
@@ -424,10 +408,4 @@ fn lists_of_different_lengths_are_refused() {
         ),
         "{error}"
     );
-    let mut data = plausible();
-    gears(&mut data).printed[0].figure = 3;
-    assert!(matches!(
-        render(&data),
-        Err(Error::UnknownFigure { figure: 3 })
-    ));
 }

@@ -4,6 +4,7 @@ use stages::names;
 
 use crate::snapshot::Snapshot;
 
+/// The notes of a campaign, a sentence or more each.
 pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
     let campaign = snapshot.problem.campaign();
     let mut notes = campaign.warnings();
@@ -77,7 +78,7 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
     notes
 }
 
-/// Names optima whose teeth have no tip land left: no constraint of the paper asks for one, and
+/// A note for each optimum whose teeth have no tip land left: no constraint of the paper asks for one, and
 /// the slenderness of such tips makes their ΔSTE depend on how the beam model ends.
 fn pointed_tips(snapshot: &Snapshot) -> Vec<String> {
     let mut notes = Vec::new();

@@ -1,12 +1,15 @@
-//! The head of a report: what was put in, what is missing, and what the recommended number leaves out.
+//! The head of a report: inputs, missing parts, and the effects that the recommended number leaves out.
 
 use campaign::file::GearSections;
 use campaign::formulation::Problem;
 
-use crate::report::variable_name;
+use super::quantity::variable_name;
+use crate::costs::StageCost;
+use crate::number::seconds;
+use crate::snapshot::Snapshot;
 use crate::status::{Progress, Status};
 
-/// What an unfinished campaign lacks.
+/// The missing parts of an unfinished campaign.
 pub(super) fn missing(status: &Status) -> Vec<String> {
     if status.finished {
         return Vec::new();
@@ -39,8 +42,9 @@ pub(super) fn missing(status: &Status) -> Vec<String> {
     .collect()
 }
 
-/// What the campaign file says, for a reader who does not have it.
-pub(super) fn inputs(problem: &Problem) -> Vec<(String, String)> {
+/// The main inputs of the campaign file, and the duration of the campaign.
+pub(super) fn inputs(snapshot: &Snapshot) -> Vec<(String, String)> {
+    let problem = &snapshot.problem;
     let mut inputs: Vec<(String, String)> = Vec::new();
     if let Some(sections) = problem.campaign().gears() {
         gears(sections, &mut inputs);
@@ -54,7 +58,22 @@ pub(super) fn inputs(problem: &Problem) -> Vec<(String, String)> {
         )
     });
     inputs.extend(ranges.map(|(name, range)| (format!("Range of {name}"), range)));
+    inputs.extend(duration(&snapshot.costs));
     inputs
+}
+
+/// Wall and CPU time of the whole campaign; `None` before any stage has begun.
+fn duration(stages: &[StageCost]) -> Option<(String, String)> {
+    let sum = |of: fn(&StageCost) -> f64| {
+        let known = stages.iter().map(of).filter(|seconds| seconds.is_finite());
+        known.sum::<f64>()
+    };
+    let (wall, cpu) = (sum(|s| s.wall_seconds), sum(|s| s.cpu_seconds));
+    let text = || {
+        let [wall, cpu] = [wall, cpu].map(seconds);
+        format!("{wall} s, CPU time {cpu} s; by stage below")
+    };
+    (wall > 0.0).then(|| ("Wall time".to_owned(), text()))
 }
 
 fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
@@ -86,7 +105,7 @@ fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
     );
 }
 
-/// What the recommended number does not include.
+/// The effects that the recommended number does not include.
 pub(super) fn left_out(problem: &Problem) -> String {
     let campaign = problem.campaign();
     let Some(sections) = campaign.gears() else {

@@ -1,4 +1,4 @@
-//! The rounds of infill, for the report.
+//! The rounds of infill.
 
 use campaign::Approach;
 use campaign::formulation::Problem;
@@ -8,14 +8,55 @@ use stages::snapshot::response_counts;
 use store::{InfillRow, RoundRow, Store};
 
 use crate::optima::VerifiedOptimum;
-use crate::report::{Enrichment, EnrichmentRound};
 use crate::snapshot::Snapshot;
 
-/// None without an enrichment.
-pub(super) async fn enrichment(
-    store: &Store,
-    snapshot: &Snapshot,
-) -> anyhow::Result<Option<Enrichment>> {
+/// Rounds of infill points near the optimum, on top of the DoE.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Enrichment {
+    /// The unit of the percentile; empty for a number without one.
+    pub unit: String,
+    /// The rounds, in their order.
+    pub rounds: Vec<EnrichmentRound>,
+    /// δ of the stopping rule, in the response's unit.
+    pub tolerance: f64,
+    /// The reason of the enrichment's end, in a sentence; empty before.
+    pub stop: String,
+    /// Samples of the DoE that the first round rests on.
+    pub doe_samples: u64,
+    /// Verified P90 of the recommended design, µm.
+    pub verified_um: Option<f64>,
+    /// The 95 % interval in which an estimate from as many verification samples is to be expected, from the
+    /// model's uncertainty and the verification's, µm.
+    pub interval_of_estimate_um: Option<(f64, f64)>,
+}
+
+/// One round of infill.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EnrichmentRound {
+    /// The round, from 1.
+    pub round: u64,
+    /// New designs.
+    pub new_designs: u64,
+    /// Designs that got more samples.
+    pub further_turns: u64,
+    /// Samples asked for.
+    pub samples: u64,
+    /// Points whose samples were quarantined.
+    pub failed: u64,
+    /// Points that broke a constraint and got no samples.
+    pub ruled_out: u64,
+    /// The largest expected improvement of an observation, µm.
+    pub expected_improvement: f64,
+    /// The model's prediction for the recommended design, µm.
+    pub predicted: f64,
+    /// Lower end of its 95 % interval, µm.
+    pub low: f64,
+    /// Upper end of it, µm.
+    pub high: f64,
+}
+
+/// `None` without an enrichment.
+pub(super) async fn of(store: &Store, snapshot: &Snapshot) -> anyhow::Result<Option<Enrichment>> {
     if snapshot.problem.campaign().enrichment.is_none() {
         return Ok(None);
     }
@@ -34,8 +75,8 @@ pub(super) async fn enrichment(
     }))
 }
 
-/// What the rounds of infill in the store did, with verification samples of the recommended design; how many
-/// samples the DoE had before is left at 0. None without an enrichment.
+/// The rounds of infill in the store, with verification samples of the recommended design. `doe_samples` is left
+/// at 0. `None` without an enrichment.
 ///
 /// # Errors
 ///

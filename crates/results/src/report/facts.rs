@@ -1,4 +1,4 @@
-//! What a reader ought to know of how a campaign's numbers came about.
+//! Facts about simulator and sampling, for the tiles of the report.
 
 use campaign::file::{ControlVariate, PercentileRule, SIGNIFICANCE};
 use gear::{Discretisation, Wear, WearLaw};
@@ -69,7 +69,7 @@ fn wear(wear: &Wear) -> String {
     }
 }
 
-/// How many designs got no samples because of their constraints.
+/// The number of designs without samples because of their constraints.
 fn ruled_out(snapshot: &Snapshot) -> Option<(String, String)> {
     let limit = snapshot.problem.campaign().sampling.skip_violation()?;
     let count = snapshot
@@ -88,7 +88,7 @@ fn ruled_out(snapshot: &Snapshot) -> Option<(String, String)> {
     ))
 }
 
-/// What sampling to a precision came to.
+/// The number of designs whose sampling reached the precision.
 fn precision(snapshot: &Snapshot) -> Option<(String, String)> {
     let sampling = &snapshot.problem.campaign().sampling;
     let precision = sampling.precision?;
@@ -105,10 +105,10 @@ fn precision(snapshot: &Snapshot) -> Option<(String, String)> {
     ))
 }
 
-/// How the percentile of a design is estimated, and of how many designs the samples are not normal.
+/// The estimator of the percentile, and the number of designs whose samples are not normal.
 fn percentiles(snapshot: &Snapshot) -> Option<(String, String)> {
     let sampling = &snapshot.problem.campaign().sampling;
-    // Said with the coefficients.
+    // The fact about the coefficients names the estimator.
     if sampling.coefficients() != stats::Sampling::Independent {
         return None;
     }

@@ -1,0 +1,288 @@
+//! Numbers as text for people: the same on every machine, with a true minus sign and no false digits.
+//!
+//! A number that is not finite is shown as [`MISSING`].
+
+use std::ops::RangeInclusive;
+
+/// Shown in place of a number that is not known.
+pub const MISSING: &str = "–";
+
+/// `value` to `digits` significant digits.
+///
+/// Integers are never cut (11683 stays 11 683 with three digits); very large and very small numbers
+/// become powers of ten.
+#[must_use]
+pub fn significant(value: f64, digits: usize) -> String {
+    if !value.is_finite() {
+        return MISSING.to_owned();
+    }
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    let digits = digits.max(1);
+    let scientific = format!("{:.*e}", digits - 1, value);
+    // The exponent of the rounded number: 9.996 to three digits is 10.0, not 10.00.
+    let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    if !(-4..=8).contains(&exponent) {
+        let power: String = exponent.to_string().chars().map(superscript).collect();
+        return format!("{} × 10{power}", mantissa.replace('-', "−"));
+    }
+    let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
+    fixed(value, decimals)
+}
+
+/// `value` with a fixed number of decimals.
+#[must_use]
+pub fn fixed(value: f64, decimals: usize) -> String {
+    if !value.is_finite() {
+        return MISSING.to_owned();
+    }
+    let text = format!("{:.*}", decimals, value.abs());
+    let (whole, fraction) = text.split_once('.').unwrap_or((&text, ""));
+    // A number that rounds to zero has no sign.
+    let negative = value < 0.0 && text.bytes().any(|b| (b'1'..=b'9').contains(&b));
+    let mut out = String::with_capacity(text.len() + 8);
+    if negative {
+        out.push('−');
+    }
+    out.push_str(&group(whole));
+    if !fraction.is_empty() {
+        out.push('.');
+        out.push_str(fraction);
+    }
+    out
+}
+
+/// `value` with as many of the `decimals` as it needs: zeros at the end are left out.
+#[must_use]
+pub fn shortest(value: f64, decimals: RangeInclusive<usize>) -> String {
+    let mut text = fixed(value, *decimals.end());
+    let Some(point) = text.find('.') else {
+        return text;
+    };
+    while text.len() > point + 1 + decimals.start() && text.ends_with('0') {
+        text.pop();
+    }
+    if text.ends_with('.') {
+        text.pop();
+    }
+    text
+}
+
+/// A difference with its sign; `±` before one that rounds to zero.
+#[must_use]
+pub fn signed(value: f64, decimals: usize) -> String {
+    let text = fixed(value, decimals);
+    let is_zero = text.bytes().all(|byte| matches!(byte, b'0' | b'.'));
+    match value {
+        _ if !value.is_finite() => text,
+        _ if is_zero => format!("±{text}"),
+        value if value < 0.0 => text,
+        _ => format!("+{text}"),
+    }
+}
+
+/// `value` to `digits` significant digits with its unit, which may be empty.
+#[must_use]
+pub fn with_unit(value: f64, digits: usize, unit: &str) -> String {
+    format!("{} {unit}", significant(value, digits))
+        .trim_end()
+        .to_owned()
+}
+
+/// Significant digits with which both ends of an interval differ from the estimate, at least three.
+#[must_use]
+pub fn digits_of(value: f64, interval: Option<(f64, f64)>) -> usize {
+    let Some((low, high)) = interval else {
+        return 3;
+    };
+    let differ = |digits: &usize| {
+        let [low, value, high] = [low, value, high].map(|value| significant(value, *digits));
+        low != value && value != high
+    };
+    (3..7).find(differ).unwrap_or(3)
+}
+
+/// An interval: `[1.49; 1.53]`.
+#[must_use]
+pub fn interval((low, high): (f64, f64), digits: usize) -> String {
+    format!(
+        "[{}; {}]",
+        significant(low, digits),
+        significant(high, digits)
+    )
+}
+
+/// An estimate with its unit and its interval, to the digits that [tell them apart](digits_of):
+/// `1.51 µm [1.49; 1.53]`.
+#[must_use]
+pub fn estimate(value: f64, ends: Option<(f64, f64)>, unit: &str) -> String {
+    let digits = digits_of(value, ends);
+    let value = with_unit(value, digits, unit);
+    match ends {
+        Some(ends) => format!("{value} {}", interval(ends, digits)),
+        None => value,
+    }
+}
+
+/// The number that is nearest to `value` among those with `digits` significant digits, for programs and logs.
+#[must_use]
+pub fn rounded(value: f64, digits: usize) -> f64 {
+    let text = format!("{:.*e}", digits.saturating_sub(1), value);
+    text.parse().unwrap_or(value)
+}
+
+/// A count, with its thousands grouped.
+#[must_use]
+pub fn count(value: u64) -> String {
+    group(&value.to_string())
+}
+
+/// A time in seconds, for a column of seconds: to three digits from one second on and to the millisecond below.
+#[must_use]
+pub fn seconds(value: f64) -> String {
+    if value.abs() < 1.0 {
+        fixed(value, 3)
+    } else {
+        significant(value, 3)
+    }
+}
+
+/// A length of time in the unit that suits it, from seconds to days.
+#[must_use]
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("{s:.0} s"),
+        s if s < 5400.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.1} d", s / 86_400.0),
+    }
+}
+
+/// A rate of samples, per second or, when it is slow, per hour.
+#[must_use]
+pub fn rate(per_second: f64) -> String {
+    match per_second {
+        r if r >= 10.0 || r <= 0.0 => format!("{r:.0} samples per second"),
+        r if r >= 0.1 => format!("{r:.2} samples per second"),
+        r => format!("{:.1} samples per hour", 3600.0 * r),
+    }
+}
+
+/// A share of one as a percentage with one decimal.
+#[must_use]
+pub fn percent(share: f64) -> String {
+    percentage(fixed(100.0 * share, 1))
+}
+
+/// A relative difference as a percentage with its sign.
+#[must_use]
+pub fn signed_percent(share: f64) -> String {
+    percentage(signed(100.0 * share, 1))
+}
+
+fn percentage(number: String) -> String {
+    match number.as_str() {
+        MISSING => number,
+        _ => number + " %",
+    }
+}
+
+/// Groups five and more digits by thousands, with narrow no-break spaces.
+fn group(digits: &str) -> String {
+    if digits.len() < 5 {
+        return digits.to_owned();
+    }
+    let mut out = String::with_capacity(digits.len() * 2);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push('\u{202f}');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+fn superscript(c: char) -> char {
+    match c {
+        '-' => '⁻',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        '0' | '4'..='9' => char::from_u32(0x2070 + (c as u32 - '0' as u32)).unwrap_or(c),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn significant_digits_follow_the_rounded_number() {
+        assert_eq!(significant(9.996, 3), "10.0");
+        assert_eq!(significant(0.012_345, 3), "0.0123");
+        assert_eq!(significant(-2.5, 3), "−2.50");
+        assert_eq!(significant(11683.0, 3), "11\u{202f}683");
+        assert_eq!(significant(0.0, 3), "0");
+        assert_eq!(significant(1.234e-7, 3), "1.23 × 10⁻⁷");
+        assert_eq!(significant(-4.56e12, 2), "−4.6 × 10¹²");
+        assert_eq!(significant(f64::NAN, 3), MISSING);
+        assert_eq!(significant(f64::INFINITY, 3), MISSING);
+    }
+
+    #[test]
+    fn rounding_to_zero_drops_the_sign() {
+        assert_eq!(fixed(-0.004, 2), "0.00");
+        assert_eq!(fixed(-0.004, 3), "−0.004");
+        assert_eq!(signed_percent(-0.0001), "±0.0 %");
+    }
+
+    #[test]
+    fn zeros_at_the_end_are_left_out_down_to_the_least_decimals() {
+        assert_eq!(shortest(1.2, 0..=4), "1.2");
+        assert_eq!(shortest(30.0, 0..=4), "30");
+        assert_eq!(shortest(30.0, 2..=3), "30.00");
+        assert_eq!(shortest(-0.028, 2..=3), "−0.028");
+        assert_eq!(shortest(f64::NAN, 2..=3), MISSING);
+    }
+
+    #[test]
+    fn rounding_keeps_significant_digits() {
+        assert_eq!(rounded(123.456_78, 6), 123.457);
+        assert_eq!(rounded(-0.000_123_456_78, 6), -0.000_123_457);
+        assert_eq!(rounded(0.0, 6), 0.0);
+        assert_eq!(rounded(1e-320, 6), 1e-320);
+        assert_eq!(rounded(f64::INFINITY, 6), f64::INFINITY);
+        assert!(rounded(f64::NAN, 6).is_nan());
+    }
+
+    #[test]
+    fn counts_and_times_are_grouped() {
+        assert_eq!(count(999), "999");
+        assert_eq!(count(3000), "3000");
+        assert_eq!(count(90_000), "90\u{202f}000");
+        assert_eq!(count(1_234_567), "1\u{202f}234\u{202f}567");
+        assert_eq!(seconds(0.0214), "0.021");
+        assert_eq!(seconds(1234.5), "1234");
+    }
+
+    #[test]
+    fn differences_have_a_sign() {
+        assert_eq!(signed(0.1234, 2), "+0.12");
+        assert_eq!(signed(-0.1234, 2), "−0.12");
+        assert_eq!(signed_percent(0.187), "+18.7 %");
+        assert_eq!(signed_percent(-0.053), "−5.3 %");
+        assert_eq!(signed_percent(f64::NAN), MISSING);
+    }
+
+    #[test]
+    fn an_interval_never_vanishes_in_the_digits() {
+        let of = |value: f64, half: f64| estimate(value, Some((value - half, value + half)), "µm");
+        assert_eq!(of(1.49, 0.01), "1.49 µm [1.48; 1.50]");
+        assert_eq!(of(1.49, 0.002), "1.490 µm [1.488; 1.492]");
+        assert_eq!(of(f64::NAN, 0.1), "– µm [–; –]");
+        assert_eq!(estimate(2.0, None, ""), "2.00");
+    }
+}

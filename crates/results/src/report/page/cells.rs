@@ -1,0 +1,108 @@
+//! Numbers in the cells of tables.
+
+use campaign::formulation::Constraint;
+use stats::OrderStatistic;
+
+use crate::number::{self, MISSING, with_unit};
+
+/// Significant digits of named variables and limited quantities.
+const DIGITS: usize = 5;
+
+/// A number that may deserve a mark.
+pub(super) struct Value {
+    pub(super) text: String,
+    pub(super) marked: bool,
+}
+
+impl From<String> for Value {
+    fn from(text: String) -> Self {
+        Self {
+            text,
+            marked: false,
+        }
+    }
+}
+
+/// A quantity with its name: `tip land = 0.62 mm`.
+pub(super) fn named(name: &str, value: f64, unit: &str) -> String {
+    format!("{name} = {}", with_unit(value, DIGITS, unit))
+}
+
+/// A limited quantity with its name, marked where it breaks its limit.
+pub(super) fn limited(constraint: &Constraint) -> Value {
+    Value {
+        text: named(&constraint.name, constraint.value, &constraint.unit),
+        marked: !constraint.holds(),
+    }
+}
+
+/// The formatters of [`number`] as methods, for templates.
+pub(super) trait Show {
+    fn fixed(&self, decimals: usize) -> String;
+    fn significant(&self, digits: usize) -> String;
+    fn seconds(&self) -> String;
+    fn signed_percent(&self) -> String;
+    fn with_unit(&self, digits: usize, unit: &str) -> String;
+    /// A coefficient of a gear: two decimals, or three.
+    fn coefficient(&self) -> String;
+}
+
+impl Show for f64 {
+    fn fixed(&self, decimals: usize) -> String {
+        number::fixed(*self, decimals)
+    }
+
+    fn significant(&self, digits: usize) -> String {
+        number::significant(*self, digits)
+    }
+
+    fn seconds(&self) -> String {
+        number::seconds(*self)
+    }
+
+    fn signed_percent(&self) -> String {
+        number::signed_percent(*self)
+    }
+
+    fn with_unit(&self, digits: usize, unit: &str) -> String {
+        number::with_unit(*self, digits, unit)
+    }
+
+    fn coefficient(&self) -> String {
+        number::shortest(*self, 2..=3)
+    }
+}
+
+/// [`number::count`] as a method, for templates.
+pub(super) trait ShowCount {
+    fn grouped(&self) -> String;
+}
+
+impl ShowCount for u64 {
+    fn grouped(&self) -> String {
+        number::count(*self)
+    }
+}
+
+/// A percentile and its interval in cells of their own, for templates.
+pub(super) trait ShowPercentile {
+    fn estimate(&self) -> String;
+    fn interval(&self) -> String;
+}
+
+impl ShowPercentile for Option<OrderStatistic> {
+    fn estimate(&self) -> String {
+        self.map_or_else(
+            || MISSING.to_owned(),
+            |p| number::significant(p.value, number::digits_of(p.value, p.interval)),
+        )
+    }
+
+    fn interval(&self) -> String {
+        let ends = self.and_then(|p| Some((p.value, p.interval?)));
+        ends.map_or_else(
+            || MISSING.to_owned(),
+            |(value, ends)| number::interval(ends, number::digits_of(value, Some(ends))),
+        )
+    }
+}
