@@ -42,7 +42,7 @@ mod viewing;
 use self::output::{FileAccess, create_new, print, print_either, print_text};
 use self::output_folder::OutputFolder;
 
-/// A command line that can be parsed but makes no sense.
+/// Arguments that contradict each other or the campaign.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct Usage(String);
@@ -53,6 +53,7 @@ impl HasExitCode for Usage {
     }
 }
 
+/// Executes the command and returns the exit code.
 pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
     match command {
         Command::Run(arguments) => run(arguments).await,

@@ -111,7 +111,7 @@ impl<P: Clone> Ledger<P> {
         state.slots = slots.max(1);
         self.workers.see(worker, now);
         self.slots = None;
-        // Never shorter again: workers that were told the longer time rely on it.
+        // A lease time never shrinks: workers rely on the longer one.
         let needed = lease_for(self.workers.known.len());
         self.options.lease = self.options.lease.max(needed);
     }

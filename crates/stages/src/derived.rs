@@ -317,8 +317,8 @@ impl<'a> Dependencies<'a> {
         self.rounds_inputs().pop().unwrap_or_default()
     }
 
-    /// The inputs of every round, and of one more: each follows from those of the round before and what is
-    /// known of that round's points.
+    /// The inputs of every round, and of one more: each follows from those of the round before and the
+    /// results of that round's points.
     fn rounds_inputs(&self) -> Vec<String> {
         let campaign = self.problem.campaign();
         let first = Digest::new("round")

@@ -11,7 +11,7 @@
 //!   settings, [`rounds`] the decisions, [`constraints`] models of an external program's constraints.
 //! - [`choosing`] chooses the design that an approach ends with; [`optima`] has the rows of these
 //!   designs, [`cost`] their cost.
-//! - [`derived`] says what is discarded when samples of the DoE change.
+//! - [`derived`] says which stored results are outdated.
 //! - [`searching`] takes optimiser runs on an external simulator from generation to generation.
 //! - [`verification`] says how many verification samples a design gets.
 //! - [`names`] has the names of streams in the store and in messages.

@@ -79,11 +79,7 @@ impl Optimum {
         self.found.as_ref().ok().filter(|found| found.feasible)
     }
 
-    /// The design or, for people, why there is none.
-    ///
-    /// # Errors
-    ///
-    /// A sentence: there is none.
+    /// The design, or a sentence that says why there is none.
     pub fn found_or_sentence(&self) -> Result<&Solution, String> {
         self.found.as_ref().map_err(|none| match none {
             NoOptimum::NoModel => format!("There is no kriging model: {}.", self.note),

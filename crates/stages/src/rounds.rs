@@ -33,13 +33,13 @@ impl Round {
     }
 }
 
-/// The design that the last round recommends; `told` are its criteria if only an
+/// The design that the last round recommends; `evaluated` are its criteria if only an
 /// external program knows them.
 pub fn recommended(
     problem: &Problem,
     base: &Design,
     last: &Round,
-    told: Option<Criteria>,
+    evaluated: Option<Criteria>,
     cost: Cost,
 ) -> anyhow::Result<Optimum> {
     let approach = Approach::EnrichedKriging;
@@ -65,7 +65,7 @@ pub fn recommended(
     let criteria = match problem.gears() {
         Some(_) => problem.prepare(&design)?.analyse(State::Baseline)?.criteria,
         None if problem.criteria().is_empty() => Criteria::new(Vec::new()),
-        None => told.context("the recommended design was never evaluated")?,
+        None => evaluated.context("the recommended design was never evaluated")?,
     };
     let found = Solution {
         design,

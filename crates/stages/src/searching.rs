@@ -74,7 +74,7 @@ impl RunningSearch {
 }
 
 impl Searches {
-    /// The progress of the searches that go on.
+    /// The progress of the running searches.
     pub fn progress(&self) -> impl Iterator<Item = Progress> {
         self.held.iter().map(|(stream, held)| Progress {
             stream: *stream,

@@ -16,7 +16,7 @@ use crate::verification::Sizes;
 use crate::{names, optima};
 
 /// Reads the state of the campaign, without the quarantined streams. `more` has the designs that need more
-/// samples than others, `sizes` what was read of verification samples before.
+/// samples than others, `sizes` the known numbers of verification samples.
 ///
 /// Everything is read as of one moment: results that come meanwhile are never seen without what they were
 /// derived from. Only the missing part of the DoE is read, so that a restart is quick however much is done.

@@ -79,7 +79,7 @@ pub struct State {
 /// The enrichment as far as the store holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Progress {
-    /// Of every round decided, the digest of what is known of its points.
+    /// For every decided round, the digest of the results of its points.
     pub rounds: Vec<String>,
     /// The points of all rounds that lack something.
     pub points: Vec<VerifyPoint>,

@@ -61,7 +61,7 @@ pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<CampaignRow,
     connection.check(campaign, row.seal)
 }
 
-/// Stores the campaign in the place of the one before.
+/// Stores the campaign, replacing the previous one.
 pub(crate) async fn write(
     connection: &mut Connection<'_>,
     row: &CampaignRow,

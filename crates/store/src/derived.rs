@@ -105,7 +105,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<Derivatio
         .collect()
 }
 
-/// Stores the derivation in the place of the one of the same result.
+/// Stores the derivation, replacing that of the same result.
 pub(crate) async fn replace(
     connection: &mut Connection<'_>,
     row: &Derivation,

@@ -60,7 +60,7 @@ pub(crate) async fn named(
         .collect()
 }
 
-/// Stores the model in the place of the one with its name.
+/// Stores the model, replacing that of the same name.
 pub(crate) async fn replace(connection: &mut Connection<'_>, row: &ModelRow) -> Result<(), Error> {
     let seal = row::seal(row)?;
     let query = sqlx::query!(

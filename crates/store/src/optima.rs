@@ -79,7 +79,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<OptimumRo
         .collect()
 }
 
-/// Stores the optimum in the place of the one of its approach.
+/// Stores the optimum, replacing that of the same approach.
 pub(crate) async fn replace(
     connection: &mut Connection<'_>,
     row: &OptimumRow,

@@ -223,7 +223,7 @@ impl Store {
     /// The digest of all verification and infill samples, as 64 hex digits. It is read, not
     /// computed.
     ///
-    /// It is a sum like [`samples_digest`](Store::samples_digest), with the point's number in the place of the
+    /// It is a sum like [`samples_digest`](Store::samples_digest), with the point's number instead of the
     /// design. It covers the samples stored at present: the samples of an optimum that is replaced are removed from it.
     pub async fn point_samples_digest(&self) -> Result<String, Error> {
         let mut tallies = self.sample_tallies().await?;
@@ -263,8 +263,8 @@ impl Store {
     }
 
     /// Removes results that stand for failures, so that they are computed again: infinite samples, and criteria and
-    /// evaluations that have one or whose reason begins with `reason`. A run goes on from its first evaluation that
-    /// is removed.
+    /// evaluations that have one or whose reason begins with `reason`. A run continues from its first removed
+    /// evaluation.
     /// Returns the number of rows removed.
     pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
         let receipt = self.put(Change::NoFailures(reason.to_owned())).await?;

@@ -68,7 +68,7 @@ pub(crate) async fn stage(connection: &mut Connection<'_>) -> Result<Option<Stri
     Ok(rows.into_iter().next().map(|row| row.stage))
 }
 
-/// Stores the name of the current stage in the place of the one before.
+/// Stores the name of the current stage, replacing the previous one.
 pub(crate) async fn replace_current(
     connection: &mut Connection<'_>,
     stage: &str,
@@ -91,7 +91,7 @@ pub(crate) async fn stages(connection: &mut Connection<'_>) -> Result<Vec<StageT
     Ok(times.collect())
 }
 
-/// Stores the wall time of a stage in the place of the one before.
+/// Stores the wall time of a stage, replacing the previous one.
 pub(crate) async fn replace_stage(
     connection: &mut Connection<'_>,
     row: &StageTimeRow,

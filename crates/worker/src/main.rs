@@ -58,10 +58,13 @@ struct Arguments {
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    if let Err(error) = runner::console::start_log(arguments.log_format) {
-        runner::console::complain(&error.to_string());
-        return ExitCode::from(exit::USAGE);
-    }
+    // The compute threads use the processors; the network needs little.
+    let threads = 1;
+    runner::console::run(arguments.log_format, threads, work(arguments))
+}
+
+/// Works until the campaign is finished or a signal comes, and returns the exit code.
+async fn work(arguments: Arguments) -> Result<u8, ProgramError> {
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     let options = Options {
         slots: arguments.slots.map_or(processors, usize::from),
@@ -69,7 +72,7 @@ fn main() -> ExitCode {
         host: host(),
         connect_timeout: Duration::from_secs(arguments.connect_timeout),
         give_up_after: Duration::from_secs(arguments.give_up_after),
-        // Without a home folder the current one has to do.
+        // Without a home folder, the current folder is used.
         undelivered: Some(arguments.undelivered.clone().unwrap_or_else(|| {
             runner::gateway::access::folder()
                 .unwrap_or_default()
@@ -79,54 +82,38 @@ fn main() -> ExitCode {
         max_runtime: arguments.max_runtime.map(Duration::from_secs),
         idle_exit: arguments.idle_exit.map(Duration::from_secs),
     };
-    let runtime = match tokio::runtime::Builder::new_multi_thread()
-        // The compute threads use the processors; the network needs little.
-        .worker_threads(1)
-        .enable_all()
-        .build()
-    {
-        Ok(runtime) => runtime,
-        Err(error) => {
-            runner::console::complain(&format!("cannot start: {error}"));
-            return ExitCode::from(exit::FAILURE);
-        }
+    let shutdown = CancellationToken::new();
+    tokio::spawn(runner::console::watch_signals(
+        shutdown.clone(),
+        "leaving: finishing the running jobs; Ctrl-C again leaves at once",
+    ));
+    let summary = match (&arguments.shard, &arguments.out) {
+        (Some(shard), Some(out)) => compute_shard(shard, out, options, shutdown).await?,
+        _ => serve_coordinator(&arguments.connect, options, shutdown).await?,
     };
-    let result: Result<Summary, ProgramError> = runtime.block_on(async {
-        let shutdown = CancellationToken::new();
-        tokio::spawn(runner::console::watch_signals(
-            shutdown.clone(),
-            "leaving: finishing the running jobs; Ctrl-C again leaves at once",
-        ));
-        if let (Some(shard), Some(out)) = (&arguments.shard, &arguments.out) {
-            return compute_shard(shard, out, options, shutdown).await;
-        }
-        let patience = options.connect_timeout;
-        let link = tokio::select! {
-            link = arguments.connect.link_within(Role::Worker, patience) => link?,
-            () = shutdown.cancelled() => return Ok(Summary::default()),
-        };
-        Ok(Worker::new(link, options).run(shutdown).await?)
-    });
-    // Threads that still compute must not delay the exit.
-    runtime.shutdown_background();
-    match result {
-        Ok(summary) => {
-            tracing::info!(
-                leases = summary.leases,
-                finished = summary.finished,
-                "leaving"
-            );
-            ExitCode::from(if summary.finished {
-                exit::OK
-            } else {
-                exit::INTERRUPTED
-            })
-        }
-        Err(error) => {
-            runner::console::complain(&format!("{error:#}"));
-            ExitCode::from(error.code())
-        }
-    }
+    tracing::info!(
+        leases = summary.leases,
+        finished = summary.finished,
+        "leaving"
+    );
+    Ok(if summary.finished {
+        exit::OK
+    } else {
+        exit::INTERRUPTED
+    })
+}
+
+/// Computes jobs of the coordinator that the arguments name.
+async fn serve_coordinator(
+    connect: &ConnectArguments,
+    options: Options,
+    shutdown: CancellationToken,
+) -> Result<Summary, ProgramError> {
+    let link = tokio::select! {
+        link = connect.link_within(Role::Worker, options.connect_timeout) => link?,
+        () = shutdown.cancelled() => return Ok(Summary::default()),
+    };
+    Ok(Worker::new(link, options).run(shutdown).await?)
 }
 
 /// Computes a shard, with a service in this process as the coordinator.

@@ -157,7 +157,7 @@ async fn new_store(path: &Path, campaign: &Campaign) -> anyhow::Result<Store> {
 }
 
 /// A service on loopback.
-struct Served {
+struct Server {
     board: Arc<Board>,
     store: Store,
     access: String,
@@ -170,7 +170,7 @@ async fn served(
     campaign: &Campaign,
     digest: Option<String>,
     bundle: bool,
-) -> anyhow::Result<Served> {
+) -> anyhow::Result<Server> {
     // Beside the program rather than in /tmp, which may be memory: commits must cost their real
     // time.
     let exe = std::env::current_exe()?;
@@ -197,7 +197,7 @@ async fn served(
     };
     let stop = CancellationToken::new();
     tokio::spawn(port::serve(service, listeners, stop.clone()));
-    Ok(Served {
+    Ok(Server {
         board,
         store,
         access,

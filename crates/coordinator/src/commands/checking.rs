@@ -234,8 +234,7 @@ fn describe(plan: &Plan) -> String {
     }
     text += &match plan.core_seconds {
         Some(total) => format!("{:<65}{total:>8.1} core-seconds (estimated)\n", "all"),
-        None => "\nAn external program simulates, so there is no estimate of how long it takes.\n"
-            .to_owned(),
+        None => "\nThe time of an external simulator is not estimated.\n".to_owned(),
     };
     for note in [&plan.accuracy, &plan.manufacture].into_iter().flatten() {
         text += &format!("\n{note}\n");

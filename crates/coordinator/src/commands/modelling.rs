@@ -101,8 +101,8 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> Result<u8, Progra
     Ok(exit::OK)
 }
 
-/// The result of `work` on a thread of its own, while a terminal shows what it does and for how long; `None` if a
-/// signal stopped the program before.
+/// Runs `work` on a separate thread and shows its elapsed time on a terminal. Returns `None` if a signal stopped
+/// the program before.
 pub(super) async fn interruptible<T: Send + 'static>(
     doing: String,
     work: impl FnOnce() -> T + Send + 'static,

@@ -33,7 +33,7 @@ impl HasExitCode for FileAccess {
     }
 }
 
-/// Standard output. A reader that has closed it is no error.
+/// Standard output, on which a closed pipe is not an error.
 struct Stdout(io::Stdout);
 
 impl Write for Stdout {

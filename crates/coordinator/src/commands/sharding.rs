@@ -254,8 +254,8 @@ fn describe(merged: &MergeResult, is_planned: bool) -> String {
         );
     }
     text + match is_planned {
-        true => "next            `coordinator plan` with a new folder, for what is left\n",
-        false => "next            the coordinator again, for what is left\n",
+        true => "next            `coordinator plan` with a new folder, for the remaining jobs\n",
+        false => "next            the coordinator again, for the remaining jobs\n",
     }
 }
 

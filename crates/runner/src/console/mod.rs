@@ -9,9 +9,10 @@
 pub mod service;
 
 use std::io::{IsTerminal as _, Write as _};
+use std::process::ExitCode;
 use std::sync::OnceLock;
 
-use crate::exit;
+use crate::exit::{self, ProgramError};
 use indicatif::MultiProgress;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio_util::sync::CancellationToken;
@@ -37,12 +38,12 @@ pub enum LogFormat {
     "{LOG_VARIABLE} is {found:?}, but must be off, error, warn, info, debug or trace, or such levels for \
      parts of the program, as in warn,runner=debug"
 )]
-pub struct BadLogLevel {
+struct BadLogLevel {
     found: String,
 }
 
 /// Starts logging to standard error. Colour is used only on a terminal and without `NO_COLOR`.
-pub fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
+fn start_log(format: LogFormat) -> Result<(), BadLogLevel> {
     let levels = match std::env::var_os(LOG_VARIABLE) {
         None => Targets::new().with_default(LevelFilter::INFO),
         Some(text) => levels(&text.to_string_lossy())?,
@@ -79,6 +80,36 @@ fn levels(text: &str) -> Result<Targets, BadLogLevel> {
         return Err(bad());
     }
     text.parse().map_err(|_| bad())
+}
+
+/// Runs a program with a log and an async runtime. An error is printed and becomes the exit code.
+pub fn run(
+    format: LogFormat,
+    threads: usize,
+    program: impl Future<Output = Result<u8, ProgramError>>,
+) -> ExitCode {
+    if let Err(error) = start_log(format) {
+        complain(&error.to_string());
+        return ExitCode::from(exit::USAGE);
+    }
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(threads)
+        .enable_all()
+        .build();
+    let runtime = match runtime {
+        Ok(runtime) => runtime,
+        Err(error) => {
+            complain(&format!("cannot start: {error}"));
+            return ExitCode::from(exit::FAILURE);
+        }
+    };
+    let ended = runtime.block_on(program);
+    // Threads that still compute must not delay the exit.
+    runtime.shutdown_background();
+    ExitCode::from(ended.unwrap_or_else(|error| {
+        complain(&format!("{error:#}"));
+        error.code()
+    }))
 }
 
 /// The progress bars of this program, on standard error. They are drawn only on a terminal.

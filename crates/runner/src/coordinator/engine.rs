@@ -114,7 +114,7 @@ impl Engine {
             if !next.outdated.is_empty() {
                 let outdated: Vec<String> = next.outdated.iter().map(DerivedResult::name).collect();
                 info!(outdated = %outdated.join(", "), "inputs have changed: to be computed again");
-                // The board, too, must not take them for stored; what is on its way is refused.
+                // The board must forget them, too; their late results are refused.
                 let is_gone = |stream| {
                     let mut gone = next.outdated.iter();
                     gone.any(|result| derived::is_of_stream(result, stream))

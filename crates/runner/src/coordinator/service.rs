@@ -75,7 +75,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             self.check_model(&request.model_digest).await?;
             let held = request.held.iter().map(|held| {
                 let units: Result<Vec<Unit>, _> = held.units.iter().map(Unit::try_from).collect();
-                // A lease with malformed units is registered without any, as one that nobody needs.
+                // A lease with malformed units is registered without units and thus cancelled.
                 (
                     held.id.unwrap_or_default().into(),
                     units.unwrap_or_default(),

@@ -267,13 +267,13 @@ impl Steps {
         let cost = cost::enrichment(&self.problem, sampling, &rounds, &infill, control, &times);
         let last = rounds.into_iter().last().context("there is no round")?;
         let last = Round::read(last)?;
-        let told = match &last.recommendation {
+        let evaluated = match &last.recommendation {
             Some(best) => {
                 constraints::criteria_at(&self.store, &self.problem, base, &best.x).await?
             }
             None => None,
         };
-        rounds::recommended(&self.problem, base, &last, told, cost)
+        rounds::recommended(&self.problem, base, &last, evaluated, cost)
     }
 
     /// Number of analyses for the control variates of infill points.

@@ -19,7 +19,7 @@ pub enum Error {
         path.display(),
         match shard {
             Some(shard) => format!("compute shard {shard} again with `worker --shard`"),
-            None => "let a worker compute again what it held".to_owned(),
+            None => "let a worker compute its jobs again".to_owned(),
         }
     )]
     Damaged {

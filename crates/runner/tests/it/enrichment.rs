@@ -78,7 +78,7 @@ async fn run(
 
 /// The results of a campaign without measured times.
 #[derive(Debug, PartialEq)]
-struct Found {
+struct StoreContent {
     digest: String,
     rounds: Vec<RoundRow>,
     infill: Vec<InfillRow>,
@@ -87,7 +87,7 @@ struct Found {
     model: Option<String>,
 }
 
-async fn found(path: &Path) -> Found {
+async fn found(path: &Path) -> StoreContent {
     let store = Store::open_read_only(path).await.unwrap();
     let status = status::read(&store).await.unwrap();
     assert!(status.finished, "{status:?}");
@@ -96,7 +96,7 @@ async fn found(path: &Path) -> Found {
     let optimum = optima.into_iter().find(|row| row.stream == point);
     let rounds = store.rounds().await.unwrap().into_iter();
     let model = store.model(ModelRow::ENRICHED).await.unwrap();
-    Found {
+    StoreContent {
         digest: store.samples_digest().await.unwrap(),
         rounds: rounds
             .map(|row| RoundRow {

@@ -39,7 +39,7 @@ fn campaign_file() -> String {
 
 /// The results of a campaign without measured times.
 #[derive(Debug, PartialEq)]
-struct Found {
+struct StoreContent {
     samples: String,
     verification_samples: String,
     responses: Vec<ResponseRow>,
@@ -48,10 +48,10 @@ struct Found {
     optima: Vec<OptimumRow>,
 }
 
-async fn found(store: &Store) -> Found {
+async fn found(store: &Store) -> StoreContent {
     let models = store.models().await.unwrap().into_iter();
     let optima = store.optima().await.unwrap().into_iter();
-    Found {
+    StoreContent {
         samples: store.samples_digest().await.unwrap(),
         verification_samples: store.point_samples_digest().await.unwrap(),
         responses: store.responses().await.unwrap(),

@@ -145,7 +145,7 @@ impl Drop for Issuer {
     }
 }
 
-/// Checks that a coordinator of `campaign` may go on with the access file of an earlier one and its
+/// Checks that a coordinator of `campaign` may continue with the access file of an earlier one and its
 /// `key`; returns the reason if not.
 fn check_earlier(access: &Access, key: &str, campaign: &str) -> Result<(), String> {
     if access.campaign != campaign {

@@ -37,8 +37,8 @@ pub(super) struct Tail {
 }
 
 impl ForeignOutput {
-    /// The part of an error that names what was skipped.
-    pub(super) fn told(&self) -> String {
+    /// The part of an error that describes the skipped lines.
+    pub(super) fn note(&self) -> String {
         match self.lines {
             0 => String::new(),
             1 => format!("; a line that is not an answer was skipped: {}", self.last),

@@ -181,7 +181,7 @@ impl Process {
                 Silence::Malformed(line, reason) => malformed(&line, &reason),
                 Silence::System(error) => format!("cannot be read or written: {error}"),
             };
-            let skipped = self.skipped.told();
+            let skipped = self.skipped.note();
             self.obituary(&format!("{why}{skipped}"), line)
         })
     }
@@ -402,7 +402,7 @@ impl Process {
         }
     }
 
-    /// Closes the input of a process that has not answered, and describes what it says then: a
+    /// Closes the input of a process that has not answered, and describes its last output: a
     /// program that does not flush its output does so at its end.
     fn late_words<T>(&mut self, timeout: Duration, read: &dyn Fn(&[u8]) -> Line<T>) -> String {
         let seconds = timeout.as_secs_f64();

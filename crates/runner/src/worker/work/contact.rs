@@ -67,8 +67,8 @@ impl SharedState {
                 let leaving_in = limit.saturating_sub(waited).as_secs();
                 let address = self.connection.address();
                 if computing > 0 {
-                    warn!(%address, computing, leaving_in, "the coordinator does not answer; what is being \
-                        computed is finished before the time to leave begins");
+                    warn!(%address, computing, leaving_in, "the coordinator does not answer; running jobs \
+                        are finished before the time limit begins");
                 } else {
                     warn!(%address, leaving_in, "the coordinator does not answer");
                 }
