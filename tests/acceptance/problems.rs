@@ -303,7 +303,7 @@ fn an_enrichment_keeps_constraints_that_only_the_program_knows() {
                 continue;
             }
             let text = text.replace("name = \"area\"", &format!("name = \"{column}\""));
-            let error = campaign::Campaign::parse("c.toml", &text).expect_err(&column);
+            let error = problem::Campaign::parse("c.toml", &text).expect_err(&column);
             assert!(error.to_string().contains("another name"), "{error}");
         }
     }

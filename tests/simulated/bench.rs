@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::{Inputs, Output, Source, compute};
-use campaign::{Campaign, probe};
 use ledger::{Generation, Options, StreamDemand, StreamId, Unit};
+use problem::formulation::Problem;
+use problem::task::{Inputs, Output, Source, compute};
+use problem::{Campaign, probe};
 use results::status::Status;
 use runner::coordinator::board::Board;
 use runner::coordinator::recorder::Recorder;

@@ -1,8 +1,8 @@
 //! Any file is refused with its name and a line, or is valid.
 
 use acceptance::FIGURE_7;
-use campaign::formulation::Problem;
-use campaign::{Campaign, FileError, PairFile};
+use problem::formulation::Problem;
+use problem::{Campaign, FileError, PairFile};
 use proptest::prelude::*;
 
 /// A change of a text.

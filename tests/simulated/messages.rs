@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::compute;
 use ledger::{Generation, StreamId, Unit};
+use problem::formulation::Problem;
+use problem::task::compute;
 use proptest::prelude::*;
 use prost::Message;
 use runner::coordinator::ingest;

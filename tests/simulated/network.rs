@@ -8,9 +8,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::compute;
 use ledger::Crash;
+use problem::formulation::Problem;
+use problem::task::compute;
 use runner::coordinator::board::{Board, Course};
 use runner::gateway::{Dial, Link};
 use runner::protocol::v1::campaign_server::CampaignServer;

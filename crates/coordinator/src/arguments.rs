@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use ::studies::simulate::WearChoice;
-use campaign::Approach;
 use clap::{Args, Parser, Subcommand};
+use problem::Approach;
 use results::export::Table;
 use results::table::Format;
 use runner::console::LogFormat;

@@ -6,9 +6,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use campaign::Campaign;
-use campaign::accuracy::CampaignFile;
-use campaign::formulation::Problem;
+use problem::Campaign;
+use problem::accuracy::CampaignFile;
+use problem::formulation::Problem;
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;

@@ -4,10 +4,10 @@ mod page;
 mod remarks;
 
 use anyhow::Context as _;
-use campaign::Campaign;
-use campaign::formulation::Problem;
 use gear::paper::printed::{ACCURATE_SAMPLES, Place};
 use gear::paper::readings::{Reading, Score, readings};
+use problem::Campaign;
+use problem::formulation::Problem;
 use rayon::prelude::*;
 use serde::Serialize;
 use stages::references::design;

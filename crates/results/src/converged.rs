@@ -1,9 +1,9 @@
 //! The error of the campaign's grid: an optimum's percentile on the converged grid.
 
-use campaign::Design;
-use campaign::formulation::Problem;
-use campaign::task::VERIFICATION;
 use gear::Pair;
+use problem::Design;
+use problem::formulation::Problem;
+use problem::task::VERIFICATION;
 use stats::streams::stream;
 
 /// Samples of both percentiles, from the same random numbers.
@@ -35,7 +35,7 @@ pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::formulation::Problem;
 use ledger::Kind::{Design, Point, Run};
+use problem::formulation::Problem;
 use stages::cost::infill_seconds;
 use stages::fitting::ModelSummary;
 use stages::stage::Stage;

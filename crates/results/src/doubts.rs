@@ -1,9 +1,9 @@
 //! Reasons to doubt the results of an external program: ignored seeds, and failed evaluations.
 
-use campaign::Approach;
-use campaign::file::FailedSamples;
-use campaign::formulation::Problem;
 use ledger::Kind;
+use problem::Approach;
+use problem::file::FailedSamples;
+use problem::formulation::Problem;
 use stages::names;
 use store::{CriteriaRow, ResponseRow, Store};
 
@@ -38,7 +38,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
             .sum::<usize>()
     };
     let all: u64 = of_kind(Kind::Design).map(|(_, tally)| tally.samples).sum();
-    let is_failure = |reason: &str| reason.starts_with(campaign::task::FAILED);
+    let is_failure = |reason: &str| reason.starts_with(problem::task::FAILED);
     let mut candidates = 0;
     for approach in Approach::OPTIMISED {
         for start in 0..campaign.optimise.starts {

@@ -5,9 +5,9 @@ mod evaluations;
 
 use std::io::Write;
 
-use campaign::formulation::{Problem, Quantity};
 use clap::ValueEnum;
 use ledger::StreamId;
+use problem::formulation::{Problem, Quantity};
 use stages::fitting::{ModelSummary, latest_model};
 use stages::names;
 use stages::rounds::Round;

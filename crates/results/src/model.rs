@@ -2,9 +2,9 @@
 
 use crate::modelling::{ModelFile, Quantity};
 use anyhow::Context as _;
-use campaign::Campaign;
-use campaign::formulation::Problem;
 use kriging::Surrogate;
+use problem::Campaign;
+use problem::formulation::Problem;
 use stages::fitting::latest_model;
 use store::Store;
 

@@ -1,7 +1,7 @@
 //! The optima of a campaign with their verification, and which of them is recommended.
 
-use campaign::Approach;
-use campaign::formulation::{Constraint, Problem};
+use problem::Approach;
+use problem::formulation::{Constraint, Problem};
 use stages::names;
 use stages::optima::{self, Optimum};
 use stages::verification::Verification;
@@ -145,9 +145,9 @@ fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<OrderStati
 
 #[cfg(test)]
 mod tests {
-    use campaign::file::Aim;
-    use campaign::optimise::Solution;
-    use campaign::{Campaign, Criteria, Design};
+    use problem::file::Aim;
+    use problem::optimise::Solution;
+    use problem::{Campaign, Criteria, Design};
     use stages::cost::Cost;
     use stats::reference::Reference;
     use stats::streams::{Purpose, stream};

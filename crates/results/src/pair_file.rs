@@ -1,8 +1,8 @@
 //! The pair file of an optimum, for `coordinator simulate`.
 
 use anyhow::{Context as _, bail};
-use campaign::formulation::Problem;
-use campaign::{Approach, Campaign, PairFile};
+use problem::formulation::Problem;
+use problem::{Approach, Campaign, PairFile};
 use stages::optima;
 use store::Store;
 

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use campaign::Campaign;
-use campaign::formulation::Problem;
 use gear::paper::printed::Place;
 use kriging::Surrogate;
 use ledger::StreamId;
+use problem::Campaign;
+use problem::formulation::Problem;
 use stages::cost::{infill_calls, sampling_calls};
 use stages::fitting::{ModelSummary, latest_model};
 use store::{

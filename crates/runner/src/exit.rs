@@ -4,7 +4,7 @@
 use std::error::Error;
 use std::fmt;
 
-use campaign::FileError;
+use problem::FileError;
 use results::modelling;
 
 /// The program succeeded.

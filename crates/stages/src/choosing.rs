@@ -1,9 +1,9 @@
 //! The choice of the design that an approach ends with.
 
-use campaign::formulation::Problem;
-use campaign::optimise::{RunResult, Solution};
-use campaign::simulator::State;
-use campaign::{Approach, Criteria, Design};
+use problem::formulation::Problem;
+use problem::optimise::{RunResult, Solution};
+use problem::simulator::State;
+use problem::{Approach, Criteria, Design};
 use store::{CriteriaRow, DesignRow, OptimiserRunRow, ResponseRow};
 
 use crate::cost::Cost;

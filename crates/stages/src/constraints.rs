@@ -11,13 +11,13 @@
 
 use std::sync::Arc;
 
-use campaign::Criteria;
-use campaign::formulation::{Design, Problem};
-use campaign::simulator::State;
-use campaign::task::{Candidate, Inputs, Source};
 use enrich::ExactCriteria;
 use kriging::{Data, FitOptions, Model};
 use ledger::{StreamDemand, StreamId};
+use problem::Criteria;
+use problem::formulation::{Design, Problem};
+use problem::simulator::State;
+use problem::task::{Candidate, Inputs, Source};
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 
 use crate::infill::{MORE, bits, violation};
@@ -153,7 +153,7 @@ impl Models {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

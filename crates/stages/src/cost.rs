@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::formulation::{Design, Problem};
 use ledger::Kind;
+use problem::formulation::{Design, Problem};
 use rayon::prelude::*;
 use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
 

@@ -7,11 +7,11 @@ use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
-use campaign::Criteria;
-use campaign::file::ControlVariate;
-use campaign::formulation::{Design, Problem};
-use campaign::simulator;
 use enrich::{Decision, ExactCriteria, Infill, Note, Reason, RoundRecord, SampledDesign, State};
+use problem::Criteria;
+use problem::file::ControlVariate;
+use problem::formulation::{Design, Problem};
+use problem::simulator;
 use rayon::prelude::*;
 use stats::streams::Purpose;
 use store::{

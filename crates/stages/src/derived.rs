@@ -16,9 +16,9 @@
 
 use std::fmt::Write as _;
 
-use campaign::formulation::{Approach, Design, Problem};
-use campaign::task::{Inputs, Run, Source};
 use ledger::{Generation, Kind, StreamId};
+use problem::formulation::{Approach, Design, Problem};
+use problem::task::{Inputs, Run, Source};
 use serde::Serialize;
 use sha2::{Digest as _, Sha256};
 use store::{Derivation, DerivedResult, OptimiserRunRow, ResponseRow};

@@ -1,7 +1,7 @@
 //! The designs of the DoE: made, enlarged, and read.
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 use store::DesignRow;
 
 /// Makes the DoE, or the designs missing beside the `existing` ones, which stay as they are.
@@ -91,13 +91,13 @@ pub fn evenness(problem: &Problem, existing: &[DesignRow]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 
     fn problem(method: doe::Method, designs: u32) -> Problem {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        campaign.doe = campaign::file::Doe { designs, method };
+        campaign.doe = problem::file::Doe { designs, method };
         Problem::new(campaign)
     }
 

@@ -1,7 +1,7 @@
 //! The kriging model of P90.
 
-use campaign::formulation::{Design, Problem};
 use kriging::{Data, Error, Guidance, Names, Surrogate};
+use problem::formulation::{Design, Problem};
 use serde::{Deserialize, Serialize};
 use store::{CriteriaRow, DesignRow, ModelRow, ResponseRow, Store};
 
@@ -253,7 +253,7 @@ pub fn model_row(
 mod tests {
     use super::*;
     use crate::designs;
-    use campaign::Campaign;
+    use problem::Campaign;
 
     fn observed(row: &DesignRow, value: f64, variance: f64) -> Observation {
         Observation {

@@ -3,12 +3,12 @@
 //!
 //! [`enrich::decide`] makes the decisions themselves.
 
-use campaign::file::Enrichment;
-use campaign::formulation::{Criteria, Design, GearCriteria, Problem};
-use campaign::simulator::Analysis;
-use campaign::task::FIRST_INFILL;
 use cmaes::Bounds;
 use enrich::{ExactCriteria, Options};
+use problem::file::Enrichment;
+use problem::formulation::{Criteria, Design, GearCriteria, Problem};
+use problem::simulator::Analysis;
+use problem::task::FIRST_INFILL;
 use sha2::{Digest as _, Sha256};
 
 /// The constraint violation above which designs of the DoE do not enter the model: so far out they
@@ -177,7 +177,7 @@ pub fn options(
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

@@ -2,8 +2,8 @@
 //! of most designs, though not in large slope deviations, and the distribution of a sum of normal
 //! coefficients is known.
 
-use campaign::formulation::Design;
-use campaign::formulation::gears::Gears;
+use problem::formulation::Design;
+use problem::formulation::gears::Gears;
 use stats::streams::StreamRng;
 
 /// The linear part of a design's ΔSTE, sample by sample: a control variate.

@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use campaign::Approach;
 use ledger::{Kind, StreamId, Unit};
+use problem::Approach;
 use store::FailureRow;
 
 use crate::infill;

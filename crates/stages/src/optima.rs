@@ -1,9 +1,9 @@
 //! The optima that the approaches ended with, as the store keeps them.
 
 use anyhow::Context as _;
-use campaign::formulation::{Design, Problem};
-use campaign::optimise::Solution;
-use campaign::{Approach, Criteria};
+use problem::formulation::{Design, Problem};
+use problem::optimise::Solution;
+use problem::{Approach, Criteria};
 use serde::{Deserialize, Serialize};
 use store::{OptimumRow, Store};
 

@@ -13,10 +13,10 @@
 
 use std::collections::BTreeSet;
 
-use campaign::Campaign;
-use campaign::formulation::{Approach, Design, Problem};
-use campaign::task::{Inputs, Run};
 use ledger::{Kind, StreamId};
+use problem::Campaign;
+use problem::formulation::{Approach, Design, Problem};
+use problem::task::{Inputs, Run};
 use store::{Derivation, DerivedResult};
 
 use crate::derived::Dependencies;

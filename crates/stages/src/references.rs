@@ -1,7 +1,7 @@
 //! The designs that the paper prints, as points to be sampled beside the campaign's own optima.
 
-use campaign::formulation::{Design, Problem};
 use gear::paper::printed::Place;
+use problem::formulation::{Design, Problem};
 
 use crate::state::VerifyPoint;
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use campaign::file::Sampling;
-use campaign::formulation::{Design, Problem};
+use problem::file::Sampling;
+use problem::formulation::{Design, Problem};
 use rayon::prelude::*;
 use stats::VarianceFormula;
 use stats::streams::{Purpose, stream};
@@ -177,7 +177,7 @@ pub fn controls(
 
 #[cfg(test)]
 mod tests {
-    use campaign::file::{PercentileRule, SIGNIFICANCE};
+    use problem::file::{PercentileRule, SIGNIFICANCE};
 
     use super::*;
 
@@ -189,10 +189,10 @@ mod tests {
             samples_max: precision.map(|_| 60),
             skip_violation: None,
             percentile: Some(PercentileRule::Normal),
-            control: campaign::file::ControlVariate::None,
-            coefficients: campaign::file::WearCoefficients::Independent,
+            control: problem::file::ControlVariate::None,
+            coefficients: problem::file::WearCoefficients::Independent,
             group: None,
-            failed: campaign::file::FailedSamples::Worst,
+            failed: problem::file::FailedSamples::Worst,
             counts_above: false,
         }
     }
@@ -280,12 +280,12 @@ mod tests {
     /// its noise.
     #[test]
     fn every_kind_of_coefficients_states_the_variance_it_has() {
-        use campaign::file::WearCoefficients;
-        use campaign::task::{self, Output, Source};
         use ledger::{Generation, StreamId, Unit};
+        use problem::file::WearCoefficients;
+        use problem::task::{self, Output, Source};
 
         let mut campaign =
-            campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
+            problem::Campaign::parse("paper.toml", problem::Campaign::PAPER).unwrap();
         let (samples, replications) = (64, 400);
         campaign.sampling.samples_per_design = samples;
         campaign.sampling.percentile = Some(PercentileRule::Normal);
@@ -339,7 +339,7 @@ mod tests {
 
     #[test]
     fn the_linear_response_makes_few_samples_as_good_as_thousands() {
-        let campaign = campaign::Campaign::parse("paper.toml", campaign::Campaign::PAPER).unwrap();
+        let campaign = problem::Campaign::parse("paper.toml", problem::Campaign::PAPER).unwrap();
         let problem = Problem::new(campaign);
         let base = problem.base().clone();
         // The paper's Figure 7.
@@ -379,12 +379,11 @@ mod tests {
     /// the variance of the normal formula is too small, that of the chosen estimator is right.
     #[test]
     fn percentiles_over_slope_deviations() {
-        let mut campaign =
-            campaign::Campaign::parse("pair.toml", campaign::Campaign::PAIR).unwrap();
+        let mut campaign = problem::Campaign::parse("pair.toml", problem::Campaign::PAIR).unwrap();
         for (class, normal_states) in [(3, 0.9..1.1), (6, 0.6..0.8), (9, 0.45..0.65)] {
             let sections = campaign.gears_mut().unwrap();
             let flank_class = gear::FlankClass::new(class).unwrap();
-            sections.manufacture = Some(campaign::file::Manufacture { flank_class });
+            sections.manufacture = Some(problem::file::Manufacture { flank_class });
             let problem = Problem::new(campaign.clone());
             let base = problem.base().clone();
             let design = DesignRow {

@@ -1,11 +1,11 @@
 //! Rounds of infill that were decided, and the recommendation of the last one.
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
-use campaign::optimise::Solution;
-use campaign::simulator::{Simulator as _, State};
-use campaign::{Approach, Criteria, Design};
 use enrich::{Recommendation, Stop};
+use problem::formulation::Problem;
+use problem::optimise::Solution;
+use problem::simulator::{Simulator as _, State};
+use problem::{Approach, Criteria, Design};
 use store::RoundRow;
 
 use crate::cost::Cost;

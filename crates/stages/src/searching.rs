@@ -8,12 +8,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use campaign::Criteria;
-use campaign::formulation::Problem;
-use campaign::optimise::{Answer, Candidate, RunResult, Search};
-use campaign::simulator::Analysis;
-use campaign::task::{self, Inputs, Run, Source};
 use ledger::{Generation, StreamDemand, StreamId};
+use problem::Criteria;
+use problem::formulation::Problem;
+use problem::optimise::{Answer, Candidate, RunResult, Search};
+use problem::simulator::Analysis;
+use problem::task::{self, Inputs, Run, Source};
 use store::{EvaluationRow, Store};
 
 /// The searches of a campaign.

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use campaign::file::Sampling;
-use campaign::formulation::{Approach, Design, Problem};
-use campaign::task::{Inputs, Source};
 use ledger::StreamId;
+use problem::file::Sampling;
+use problem::formulation::{Approach, Design, Problem};
+use problem::task::{Inputs, Source};
 use store::{InfillRow, ModelRow, SampleTally, Store};
 
 use crate::constraints;

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::sync::Arc;
 
-use campaign::formulation::{Approach, Design, Problem};
 use ledger::StreamId;
+use problem::formulation::{Approach, Design, Problem};
 use store::Derivation;
 
 /// A point that gets verification samples.

@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
 use ledger::StreamId;
+use problem::formulation::Problem;
 use stats::streams::Purpose;
 use store::{ResponseRow, SampleBlock};
 
@@ -123,7 +123,7 @@ impl<'a> Collector<'a> {
 mod tests {
     use std::ops::Range;
 
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

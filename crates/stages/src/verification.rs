@@ -2,9 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::Campaign;
-use campaign::formulation::Design;
 use ledger::StreamId;
+use problem::Campaign;
+use problem::formulation::Design;
 use store::Store;
 
 /// Number of samples that a point with these samples gets. It depends on the campaign and on the first

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use campaign::formulation::Problem;
-use campaign::task::{Inputs, Source};
 use ledger::{StreamDemand, StreamId};
+use problem::formulation::Problem;
+use problem::task::{Inputs, Source};
 
 use crate::constraints;
 use crate::plan::Next;

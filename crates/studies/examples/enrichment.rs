@@ -27,16 +27,16 @@
 
 use std::cell::Cell;
 
-use campaign::Campaign;
-use campaign::formulation::gears::Gears;
-use campaign::formulation::{Approach, Design, Problem};
-use campaign::optimise;
-use campaign::task::VERIFICATION;
 use cmaes::Bounds;
 use enrich::{
     Criterion, Decision, ExactCriteria, Infill, Options, RoundRecord, SampledDesign, State, decide,
 };
 use kriging::{Data, Noise, Surrogate};
+use problem::Campaign;
+use problem::formulation::gears::Gears;
+use problem::formulation::{Approach, Design, Problem};
+use problem::optimise;
+use problem::task::VERIFICATION;
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 use studies::direct::{self, Search, Start};
@@ -218,7 +218,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
         let mut plain = 0;
         let mut best: Option<(f64, Design)> = None;
         for start in 0..campaign.optimise.starts {
-            let run = campaign::task::Run {
+            let run = problem::task::Run {
                 approach,
                 start,
                 base: base.clone(),

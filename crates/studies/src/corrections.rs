@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use campaign::file::{CorrectionsSection, PairCorrections, Sampling};
-use campaign::formulation::Problem;
-use campaign::formulation::gears::ALL_VARIABLES;
-use campaign::optimise::Solution;
-use campaign::{Campaign, Design, PairFile};
+use problem::file::{CorrectionsSection, PairCorrections, Sampling};
+use problem::formulation::Problem;
+use problem::formulation::gears::ALL_VARIABLES;
+use problem::optimise::Solution;
+use problem::{Campaign, Design, PairFile};
 use rayon::prelude::*;
 use results::number::{MISSING, fixed};
 use results::row;

@@ -1,6 +1,6 @@
 //! Direct searches beside the runs of a campaign: CMA-ES on the percentile itself, without a model.
 //!
-//! The searches are those of [`campaign::optimise`] with [`Approach::Direct`]. The objective is P90 of ΔSTE
+//! The searches are those of [`problem::optimise`] with [`Approach::Direct`]. The objective is P90 of ΔSTE
 //! from as many samples as a design of the campaign gets, with the same random numbers at every
 //! design: only the designs make a difference, and the search sees a smooth function. Constraints
 //! are exact (the simulator's own, with the contact pressure under Archard's wear) and ranked
@@ -10,11 +10,11 @@
 //!
 //! [`verification`]: crate::samples::verification
 
-use campaign::formulation::Problem;
-use campaign::optimise::{self, Answer, Candidate, Solution, answer};
-use campaign::simulator::NoAnswer;
-use campaign::task::Run;
-use campaign::{Approach, Design};
+use problem::formulation::Problem;
+use problem::optimise::{self, Answer, Candidate, Solution, answer};
+use problem::simulator::NoAnswer;
+use problem::task::Run;
+use problem::{Approach, Design};
 use rayon::prelude::*;
 
 /// The result of one search.
@@ -101,8 +101,8 @@ fn evaluate(problem: &Problem, candidate: &Candidate) -> anyhow::Result<Option<A
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
-    use campaign::optimise::COMMON;
+    use problem::Campaign;
+    use problem::optimise::COMMON;
     use stats::streams::stream;
 
     use super::*;
@@ -194,7 +194,7 @@ mod tests {
         // Shifts this negative leave the involute equation without a solution.
         let problem = problem(|campaign| {
             campaign.gears_mut().unwrap().bounds.profile_shift =
-                campaign::file::OfGears::Both(campaign::file::Setting::Free([-9.0, -8.0]))
+                problem::file::OfGears::Both(problem::file::Setting::Free([-9.0, -8.0]))
         });
         let search = search_from(&problem, 0);
         assert_eq!((search.best, search.plain_calls), (None, 0));

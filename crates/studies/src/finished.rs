@@ -1,10 +1,10 @@
 //! Reads a finished campaign.
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
-use campaign::optimise::{self, RunResult};
-use campaign::task::Run;
-use campaign::{Approach, Campaign, Design, GearCriteria, GearVariables};
+use problem::formulation::Problem;
+use problem::optimise::{self, RunResult};
+use problem::task::Run;
+use problem::{Approach, Campaign, Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
 use results::status;

@@ -1,6 +1,6 @@
 //! Campaigns and stores that a study refuses.
 
-use campaign::Campaign;
+use problem::Campaign;
 
 /// The campaign of a study that simulates designs has an external simulator.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use anyhow::bail;
-use campaign::Design;
-use campaign::formulation::Problem;
-use campaign::task::{Output, Source, compute};
 use ledger::{Generation, StreamId, Unit};
+use problem::Design;
+use problem::formulation::Problem;
+use problem::task::{Output, Source, compute};
 use rayon::prelude::*;
 
 /// Number of samples that a thread draws of one design at a time. It is large because each piece

@@ -12,11 +12,11 @@ use std::ops::Range;
 use std::path::Path;
 
 use anyhow::{Context as _, anyhow};
-use campaign::formulation::Problem;
-use campaign::formulation::gears::{Gears, VARIABLE_NAMES};
-use campaign::optimise::COMMON;
-use campaign::task::VERIFICATION;
-use campaign::{Campaign, Design};
+use problem::formulation::Problem;
+use problem::formulation::gears::{Gears, VARIABLE_NAMES};
+use problem::optimise::COMMON;
+use problem::task::VERIFICATION;
+use problem::{Campaign, Design};
 use rayon::prelude::*;
 use results::number::fixed;
 use results::row;
@@ -405,7 +405,7 @@ fn index_figures(indices: &[Indices]) -> Table {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Approach;
+    use problem::Approach;
 
     use super::*;
     use crate::samples;
@@ -506,7 +506,7 @@ mod tests {
         let (perfect, optimum) = figure_9();
         let mut campaign = perfect.campaign().clone();
         let flank_class = gear::FlankClass::new(9).unwrap();
-        let manufacture = campaign::file::Manufacture { flank_class };
+        let manufacture = problem::file::Manufacture { flank_class };
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);
         let rows = scenarios(&problem, &optimum).unwrap();

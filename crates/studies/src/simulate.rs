@@ -1,10 +1,10 @@
 //! `coordinator simulate`: all results of the simulator for one pair.
 
-use campaign::PairFile;
-use campaign::formulation::Constraint;
-use campaign::formulation::gears::{self, GearCriteria};
 use clap::ValueEnum;
 use gear::{Discretisation, Geometry, Pair, Sliding, rating};
+use problem::PairFile;
+use problem::formulation::Constraint;
+use problem::formulation::gears::{self, GearCriteria};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
 

@@ -5,10 +5,10 @@
 
 use std::path::{Path, PathBuf};
 
-use campaign::file::Sampling;
-use campaign::formulation::Problem;
-use campaign::formulation::gears::VARIABLE_NAMES;
-use campaign::{Approach, Campaign, FileError};
+use problem::file::Sampling;
+use problem::formulation::Problem;
+use problem::formulation::gears::VARIABLE_NAMES;
+use problem::{Approach, Campaign, FileError};
 use results::number::{MISSING, fixed};
 use results::optima::{Optima, VerifiedOptimum};
 use results::report::charts::{self, PercentileSeries};
@@ -310,7 +310,7 @@ fn lines(outcomes: &[Outcome]) -> Vec<PercentileSeries> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::optimise::Solution;
+    use problem::optimise::Solution;
     use stages::cost::Cost;
     use stages::optima::{NoOptimum, Optimum};
     use stages::verification::Verification;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use campaign::GearCriteria;
+use problem::GearCriteria;
 use results::number::estimate;
 use results::table::{Cell, SCHEMA_VERSION, Table};
 use serde_json::{Map, Value, json};

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 use acceptance::{FIGURE_7, Sandbox, assert_code, printed, root};
-use campaign::Campaign;
-use campaign::file::PairFile;
+use problem::Campaign;
+use problem::file::PairFile;
 use runner::exit;
 use serde_json::Value;
 

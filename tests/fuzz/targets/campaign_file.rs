@@ -2,8 +2,8 @@
 
 #![no_main]
 
-use campaign::Campaign;
-use campaign::formulation::Problem;
+use problem::Campaign;
+use problem::formulation::Problem;
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|text: &str| {

@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use bench::{Memory, campaign, introduction, service};
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 use runner::coordinator::service::Service;
 use libfuzzer_sys::fuzz_target;
 use prost::Message;

@@ -4,8 +4,8 @@
 
 use std::sync::LazyLock;
 
-use campaign::Campaign;
-use campaign::formulation::Problem;
+use problem::Campaign;
+use problem::formulation::Problem;
 use runner::coordinator::ingest;
 use libfuzzer_sys::fuzz_target;
 use prost::Message as _;

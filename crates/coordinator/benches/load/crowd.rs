@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, ensure};
-use campaign::formulation::Problem;
-use campaign::probe;
-use campaign::task::compute;
+use problem::formulation::Problem;
+use problem::probe;
+use problem::task::compute;
 use runner::protocol::v1::{
     Directive, HeartbeatRequest, LeaseRequest, LeaseResult, RegisterRequest, ReportRequest,
 };

@@ -30,10 +30,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
-use campaign::formulation::Problem;
-use campaign::task::{Inputs, Source};
-use campaign::{Campaign, probe};
 use ledger::StreamId;
+use problem::formulation::Problem;
+use problem::task::{Inputs, Source};
+use problem::{Campaign, probe};
 use runner::coordinator::board::{Board, Course};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::recorder::{Recorder, StoreRecorder};

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::{Inputs, Source, compute};
-use campaign::{Campaign, probe};
 use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
+use problem::formulation::Problem;
+use problem::task::{Inputs, Source, compute};
+use problem::{Campaign, probe};
 use prost::Message as _;
 use runner::coordinator::board::Course;
 use runner::protocol::v1::LeaseResult;

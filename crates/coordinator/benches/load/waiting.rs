@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
-use campaign::task::{Inputs, Source};
 use ledger::{StreamId, WorkerId};
+use problem::formulation::Problem;
+use problem::task::{Inputs, Source};
 use runner::coordinator::board::{Board, Room};
 
 /// Jobs that become free, one after the other.

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use campaign::Approach;
 use clap::Args;
+use problem::Approach;
 use runner::worker::SimulatorArguments;
 use studies::pareto::Objective;
 use studies::sweep::Teeth;

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context as _;
-use campaign::accuracy::CampaignFile;
-use campaign::formulation::Problem;
-use campaign::task::{self, Output, Run, Source};
-use campaign::{Approach, optimise};
 use ledger::{Generation, StreamId, Unit};
+use problem::accuracy::CampaignFile;
+use problem::formulation::Problem;
+use problem::task::{self, Output, Run, Source};
+use problem::{Approach, optimise};
 use rand::RngExt as _;
 use results::table::SCHEMA_VERSION;
 use runner::exit::{self, ProgramError};

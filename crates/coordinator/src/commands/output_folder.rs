@@ -30,7 +30,7 @@ impl OutputFolder<'_> {
     }
 
     /// Refuses a folder with the report of another campaign. `lineages` are those of the own campaign, see
-    /// [`campaign::Campaign::lineage`]. Files besides the report are left alone.
+    /// [`problem::Campaign::lineage`]. Files besides the report are left alone.
     pub(super) fn require_own_report(self, lineages: &[String]) -> Result<(), FileAccess> {
         let check = |head: &str| match report::campaign_digest(head) {
             Some(digest) if lineages.iter().any(|own| own == digest) => Ok(()),

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use campaign::accuracy::CampaignFile;
-use campaign::formulation::Problem;
-use campaign::{Campaign, probe};
 use ledger::WorkerId;
+use problem::accuracy::CampaignFile;
+use problem::formulation::Problem;
+use problem::{Campaign, probe};
 use results::table::SCHEMA_VERSION;
 use results::{report, status};
 use runner::coordinator::board::{self, Board, Room};

@@ -1,7 +1,7 @@
 //! `coordinator simulate`: one gear pair from a file.
 
 use ::studies::simulate::{self, WearChoice};
-use campaign::PairFile;
+use problem::PairFile;
 use runner::exit::{self, ProgramError};
 use tracing::{info, warn};
 

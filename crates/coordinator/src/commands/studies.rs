@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use campaign::Campaign;
-use campaign::accuracy::CampaignFile;
-use campaign::formulation::Problem;
+use problem::Campaign;
+use problem::accuracy::CampaignFile;
+use problem::formulation::Problem;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::exit::{self, ProgramError};
 use store::Store;

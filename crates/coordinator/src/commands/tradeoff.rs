@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context as _;
-use campaign::Campaign;
-use campaign::accuracy::CampaignFile;
-use campaign::formulation::Problem;
 use lab::tradeoff::{Kind, Size, Study, Table};
+use problem::Campaign;
+use problem::accuracy::CampaignFile;
+use problem::formulation::Problem;
 use results::table::SCHEMA_VERSION;
 use runner::exit::{self, ProgramError};
 use serde::{Deserialize, Serialize};

@@ -53,7 +53,7 @@ fn assert_code(output: &Output, code: i32) {
 
 /// The paper's campaign with `designs` designs and short searches.
 fn small_campaign(designs: u32) -> String {
-    let mut text = campaign::Campaign::PAPER.to_owned();
+    let mut text = problem::Campaign::PAPER.to_owned();
     for (from, to) in [
         ("designs = 3000", format!("designs = {designs}")),
         ("evaluations = 12000", "evaluations = 100".to_owned()),

@@ -5,12 +5,12 @@ use std::collections::BinaryHeap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::Design;
-use campaign::task::{Output, Source};
 use ledger::{
     Delivery, Generation, HEARTBEATS_PER_LEASE, History, LeaseId, Ledger, Options, StreamDemand,
     StreamId, Unit,
 };
+use problem::Design;
+use problem::task::{Output, Source};
 use prost::Message as _;
 use rand::RngExt as _;
 use rand_distr::{Distribution as _, Exp1, LogNormal};

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use anyhow::Context as _;
-use campaign::file::ControlVariate;
-use campaign::formulation::{Design, Problem};
-use campaign::simulator::State;
-use campaign::task::{Output, Source, compute};
 use ledger::{Generation, StreamId, Unit};
+use problem::file::ControlVariate;
+use problem::formulation::{Design, Problem};
+use problem::simulator::State;
+use problem::task::{Output, Source, compute};
 use rand::{Rng, RngExt as _};
 use stages::responses::{self, Samples};
 use stats::streams::Purpose;

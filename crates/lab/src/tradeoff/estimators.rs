@@ -8,8 +8,8 @@
 //! user seldom knows the distribution.
 
 use anyhow::Context as _;
-use campaign::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
-use campaign::formulation::Problem;
+use problem::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
+use problem::formulation::Problem;
 use stats::reference::Reference;
 use stats::streams::{Purpose, stream};
 use stats::{Shape, order_statistic};
@@ -284,7 +284,7 @@ fn own(problem: &Problem, size: Size) -> anyhow::Result<Response> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

@@ -2,7 +2,7 @@
 
 use ::kriging::{Data, Kernel, Method, Nugget, Response, Settings, Surrogate, Trend};
 use anyhow::{Context as _, bail};
-use campaign::formulation::{Design, Problem};
+use problem::formulation::{Design, Problem};
 use rand::seq::SliceRandom as _;
 use stats::streams::{Purpose, stream};
 use store::ResponseRow;

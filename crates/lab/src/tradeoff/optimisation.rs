@@ -3,9 +3,9 @@
 //! Whole campaigns run, as with `coordinator run`. The effort is the share of the campaign's DoE
 //! designs, optimiser evaluations and enrichment samples.
 
-use campaign::Campaign;
-use campaign::file::{Enrichment, PercentileRule};
-use campaign::formulation::{Approach, Problem};
+use problem::Campaign;
+use problem::file::{Enrichment, PercentileRule};
+use problem::formulation::{Approach, Problem};
 
 use crate::summary::{median, quantile};
 use crate::tradeoff::front::Rule;

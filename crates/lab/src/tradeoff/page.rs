@@ -1,6 +1,6 @@
 //! The page of all studies.
 
-use campaign::Campaign;
+use problem::Campaign;
 use results::report::{TradeoffPage, TradeoffRow, TradeoffStudy};
 
 use crate::tradeoff::study::{Size, Study};

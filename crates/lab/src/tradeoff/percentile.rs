@@ -4,9 +4,9 @@
 //! every method estimates the percentile repeatedly, from separate samples.
 
 use anyhow::{Context as _, bail};
-use campaign::accuracy::ESTIMATORS;
-use campaign::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
-use campaign::formulation::Problem;
+use problem::accuracy::ESTIMATORS;
+use problem::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
+use problem::formulation::Problem;
 use stages::responses::{Samples, response_of};
 use stats::Control;
 use stats::streams::{Purpose, stream};
@@ -385,7 +385,7 @@ impl Estimator {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

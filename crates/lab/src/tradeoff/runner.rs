@@ -1,6 +1,6 @@
 //! The time that leases, messages, processes and the store add to that of the simulator.
 
-use campaign::Campaign;
+use problem::Campaign;
 
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::optimisation::ApproachResult;

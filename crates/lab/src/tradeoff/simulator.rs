@@ -7,8 +7,8 @@
 use std::hint::black_box;
 
 use anyhow::{Context as _, bail};
-use campaign::formulation::Problem;
 use gear::{Discretisation, Pair, PairInput, PlainSum, Sampler, ToothModel, Wear};
+use problem::formulation::Problem;
 use rand::RngExt as _;
 use runner::cpu::thread_seconds;
 use stats::streams::{Purpose, stream};

@@ -1,7 +1,7 @@
 //! The studies, their kinds and sizes.
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 
 use crate::tradeoff::runner::Runner;
 use crate::tradeoff::table::Table;

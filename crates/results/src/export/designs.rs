@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::io::Write;
 
-use campaign::file::Sampling;
-use campaign::formulation::{Design, Problem};
-use campaign::simulator::State;
 use ledger::StreamId;
+use problem::file::Sampling;
+use problem::formulation::{Design, Problem};
+use problem::simulator::State;
 use stages::{names, optima};
 use store::{CriteriaRow, FailureKind, ResponseRow, Store};
 
@@ -141,7 +141,7 @@ impl DesignRecord<'_> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

@@ -2,9 +2,9 @@
 
 use std::io::Write;
 
-use campaign::Approach;
-use campaign::formulation::Problem;
 use ledger::StreamId;
+use problem::Approach;
+use problem::formulation::Problem;
 use stages::names;
 use store::{EvaluationRow, Store};
 

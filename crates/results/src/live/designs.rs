@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 use stages::cost::Cost;
 use stages::responses::{Samples, response_of};
 use stages::{choosing, names, optima};

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use campaign::Approach;
-use campaign::formulation::Problem;
+use problem::Approach;
+use problem::formulation::Problem;
 use store::Store;
 
 use super::doe::{self, DoePoint};

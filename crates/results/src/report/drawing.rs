@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use campaign::Approach;
 use gear::Member;
+use problem::Approach;
 use stages::optima::Optimum;
 
 use crate::converged::difference_um;

@@ -1,7 +1,7 @@
 //! The rounds of infill.
 
-use campaign::Approach;
-use campaign::formulation::Problem;
+use problem::Approach;
+use problem::formulation::Problem;
 use stages::infill::MORE;
 use stages::rounds::Round;
 use stages::snapshot::response_counts;

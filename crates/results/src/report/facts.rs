@@ -1,7 +1,7 @@
 //! Facts about simulator and sampling, for the tiles of the report.
 
-use campaign::file::{ControlVariate, PercentileRule, SIGNIFICANCE};
 use gear::{Discretisation, Wear, WearLaw};
+use problem::file::{ControlVariate, PercentileRule, SIGNIFICANCE};
 use stages::designs;
 use stats::HarrellDavisVariance;
 

@@ -1,7 +1,7 @@
 //! The head of a report: inputs, missing parts, and the effects that the recommended number leaves out.
 
-use campaign::file::GearSections;
-use campaign::formulation::Problem;
+use problem::file::GearSections;
+use problem::formulation::Problem;
 
 use super::quantity::variable_name;
 use crate::costs::StageCost;

@@ -1,6 +1,6 @@
 //! Slices and Sobol' indices of the kriging model.
 
-use campaign::Design;
+use problem::Design;
 use stats::SensitivityPlan;
 use stats::streams::{Purpose, stream};
 

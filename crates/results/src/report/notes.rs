@@ -32,9 +32,9 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
             .count()
     };
     for (name, what) in [
-        (campaign::task::SIMULATOR_PANIC, "made the simulator panic"),
+        (problem::task::SIMULATOR_PANIC, "made the simulator panic"),
         (
-            campaign::task::NOT_A_NUMBER,
+            problem::task::NOT_A_NUMBER,
             "gave results that are no numbers",
         ),
     ] {

@@ -3,7 +3,7 @@
 
 pub use gear::paper::printed::*;
 
-use campaign::Approach;
+use problem::Approach;
 
 /// A gap beyond this share of the paper's figure is marked.
 pub(crate) const NOTABLE_GAP: f64 = 0.20;

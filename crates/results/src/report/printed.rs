@@ -1,6 +1,6 @@
 //! The designs that the paper prints, on this model.
 
-use campaign::file::{PercentileRule, SIGNIFICANCE, Sampling};
+use problem::file::{PercentileRule, SIGNIFICANCE, Sampling};
 use stages::references::design;
 use stages::responses::{self, Samples};
 use stats::OrderStatistic;

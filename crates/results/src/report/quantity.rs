@@ -1,7 +1,7 @@
 //! Names of variables and approaches, as pages show them.
 
-use campaign::Approach;
-use campaign::formulation::{Design, Problem};
+use problem::Approach;
+use problem::formulation::{Design, Problem};
 use serde::Serialize;
 
 use crate::report::symbols::symbol;

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use campaign::Approach;
-use campaign::formulation::Problem;
-use campaign::optimise::RunResult;
+use problem::Approach;
+use problem::formulation::Problem;
+use problem::optimise::RunResult;
 use stages::names;
 use store::OptimiserRunRow;
 

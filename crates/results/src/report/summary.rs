@@ -1,7 +1,7 @@
 //! The head of every report: what was put in, what is missing, and what is recommended.
 
-use campaign::Approach;
-use campaign::formulation::Constraint;
+use problem::Approach;
+use problem::formulation::Constraint;
 use stats::OrderStatistic;
 
 use super::contents::Report;

@@ -1,7 +1,7 @@
 //! The wear along a flank.
 
-use campaign::Approach;
 use gear::WearProfile;
+use problem::Approach;
 use stats::streams::{Purpose, stream};
 
 use super::quantity::approach_name;

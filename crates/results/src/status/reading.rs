@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use campaign::formulation::Problem;
 use ledger::StreamId;
+use problem::formulation::Problem;
 use stages::names;
 use stages::stage::Stage;
 use store::{SampleTally, Store};

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
-use campaign::Campaign;
 use ledger::Counts;
+use problem::Campaign;
 use results::live::site::View;
 use results::live::{Site, serve};
 use results::running::{Paces, Running};

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use campaign::Campaign;
 use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
+use problem::Campaign;
 use results::running::{Pace, Paces, RunSeconds, Running};
 use results::status::{OptimumStatus, Progress, Status, read};
 use stages::stage::Stage;

@@ -11,9 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use campaign::Campaign;
-use campaign::task::Source;
 use ledger::{History, Ledger, Options, StreamId, WorkerId};
+use problem::Campaign;
+use problem::task::Source;
 use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use campaign::formulation::Problem;
-use campaign::optimise::RunResult;
-use campaign::task::{Inputs, Run, Source};
-use campaign::{Campaign, Design};
 use ledger::{StreamId, Unit};
+use problem::formulation::Problem;
+use problem::optimise::RunResult;
+use problem::task::{Inputs, Run, Source};
+use problem::{Campaign, Design};
 use stages::derived;
 use stages::plan::{self, LocalStep, Next};
 use stages::searching::{Searches, Turn};

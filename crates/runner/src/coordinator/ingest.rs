@@ -1,9 +1,9 @@
 //! The conversion of reported results to rows of the store.
 
 use crate::protocol::v1::UnitResult;
-use campaign::formulation::Problem;
-use campaign::task::{Evaluation, Output};
 use ledger::{StreamId, Unit};
+use problem::formulation::Problem;
+use problem::task::{Evaluation, Output};
 use stages::names::{stream_name, time_part};
 use stages::{derived, searching};
 use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleBlock};
@@ -171,10 +171,10 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluation) -> Result<(), Str
 
 #[cfg(test)]
 mod tests {
-    use campaign::optimise::Answer;
-    use campaign::simulator::Analysis;
-    use campaign::{Campaign, Criteria};
     use ledger::Generation;
+    use problem::optimise::Answer;
+    use problem::simulator::Analysis;
+    use problem::{Campaign, Criteria};
 
     use super::*;
 

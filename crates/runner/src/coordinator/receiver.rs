@@ -4,10 +4,10 @@
 use std::ops::Range;
 
 use crate::protocol::v1::{LeaseResult, UnitResult};
-use campaign::formulation::Problem;
-use campaign::task::{self, Evaluation, Output, Source};
 use futures_util::future::join_all;
 use ledger::{Delivery, Failure, Generation, LeaseId, StreamId, Unit, Verdict, WorkerId};
+use problem::formulation::Problem;
+use problem::task::{self, Evaluation, Output, Source};
 use stages::names;
 use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleBlock};
 use tonic::Status;

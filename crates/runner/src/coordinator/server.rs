@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::{Campaign, probe};
+use problem::formulation::Problem;
+use problem::{Campaign, probe};
 use results::report;
 use results::status::Status;
 use store::{CampaignRow, Store};
@@ -167,7 +167,7 @@ async fn run_open(
     }
     let mut histories = store.stream_histories().await?;
     if plan.retry_failed {
-        let results = store.remove_failures(campaign::task::FAILED).await?;
+        let results = store.remove_failures(problem::task::FAILED).await?;
         info!(results, "computing failed results again");
         histories.iter_mut().for_each(|job| job.failures = 0);
     }

@@ -10,8 +10,8 @@ use crate::protocol::v1::{
     ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,
     StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
 };
-use campaign::formulation::Problem;
 use ledger::{HEARTBEATS_PER_LEASE, LeaseId, Unit, WorkerId};
+use problem::formulation::Problem;
 use stages::names;
 use tonic::{Request, Response, Status};
 use tracing::info;

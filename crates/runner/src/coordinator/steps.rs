@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::Context as _;
-use campaign::file::ControlVariate;
-use campaign::formulation::Problem;
-use campaign::{Approach, Design};
 use ledger::StreamId;
+use problem::file::ControlVariate;
+use problem::formulation::Problem;
+use problem::{Approach, Design};
 use stages::cost::{self, Cost};
 use stages::deciding::Rows;
 use stages::fitting::{self, ModelSummary};

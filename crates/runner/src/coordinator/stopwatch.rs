@@ -70,7 +70,7 @@ impl Stopwatch {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
     use store::CampaignRow;
 
     use super::*;

@@ -6,11 +6,11 @@
 use std::fmt;
 use std::sync::Arc;
 
-use campaign::optimise::Answer;
-use campaign::simulator::Analysis;
-use campaign::task::{Candidate, Evaluation, Failure, Outcome, Output, Run, Source};
-use campaign::{Approach, Criteria, Design};
 use ledger::{Generation, Grant, Kind, LeaseId, StreamId, Unit};
+use problem::optimise::Answer;
+use problem::simulator::Analysis;
+use problem::task::{Candidate, Evaluation, Failure, Outcome, Output, Run, Source};
+use problem::{Approach, Criteria, Design};
 
 use crate::protocol::v1;
 
@@ -371,10 +371,10 @@ fn finite(responses: &[f64]) -> Result<Vec<f64>, Malformed> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
-    use campaign::formulation::Problem;
-    use campaign::task::{Inputs, compute};
     use ledger::{History, Ledger, Options, StreamDemand, WorkerId};
+    use problem::Campaign;
+    use problem::formulation::Problem;
+    use problem::task::{Inputs, compute};
 
     use super::*;
 

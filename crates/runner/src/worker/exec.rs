@@ -21,11 +21,11 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use campaign::file::SimulatorKind;
-use campaign::formulation::{Design, Problem};
-use campaign::probe::{self, ProbeError};
-use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
-use campaign::task::NOT_A_NUMBER;
+use problem::file::SimulatorKind;
+use problem::formulation::{Design, Problem};
+use problem::probe::{self, ProbeError};
+use problem::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use problem::task::NOT_A_NUMBER;
 use rand::Rng as _;
 use serde_json::{Map, Value};
 use stats::streams::StreamRng;

@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::protocol::v1::{HeldLease, LeaseResult, LeaseState, UnitResult};
-use campaign::task::Source;
 use ledger::{LeaseId, Unit};
+use problem::task::Source;
 use tokio::sync::Notify;
 
 use outbox::Outbox;

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
-use campaign::Approach;
 use enrich::Recommendation;
 use ledger::{Kind, StreamId, Unit};
+use problem::Approach;
 use results::status;
 use runner::coordinator::engine::CampaignEnd;
 use stages::fitting::{ModelSummary, latest_model};

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::compute;
-use campaign::{Campaign, probe};
 use ledger::{StreamId, Unit};
+use problem::formulation::Problem;
+use problem::task::compute;
+use problem::{Campaign, probe};
 use runner::coordinator::board::Board;
 use runner::coordinator::engine::{CampaignEnd, Engine};
 use runner::coordinator::recorder::StoreRecorder;

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::formulation::Problem;
-use campaign::task::{Candidate, Inputs, Source, compute};
-use campaign::{Approach, Campaign, Design, probe};
 use ledger::{Options, StreamId};
+use problem::formulation::Problem;
+use problem::task::{Candidate, Inputs, Source, compute};
+use problem::{Approach, Campaign, Design, probe};
 use results::status::Status;
 use runner::coordinator::board::Board;
 use runner::coordinator::recorder::StoreRecorder;

@@ -1,6 +1,6 @@
 mod world;
 
-use campaign::file::FrozenFrom;
+use problem::file::FrozenFrom;
 
 use super::*;
 use crate::names;

@@ -1,10 +1,10 @@
 //! The designs that are compared, and the front of those that no other is better than.
 
 use anyhow::Context as _;
-use campaign::file::Sampling;
-use campaign::formulation::Problem;
-use campaign::simulator::State;
-use campaign::{Design, GearCriteria, GearVariables};
+use problem::file::Sampling;
+use problem::formulation::Problem;
+use problem::simulator::State;
+use problem::{Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
 use stats::OrderStatistic;
 use store::{CriteriaRow, Store};
@@ -29,7 +29,7 @@ pub enum Objective {
 }
 
 impl Objective {
-    /// The name of its constraint, as [`campaign::formulation::Constraint`] has it.
+    /// The name of its constraint, as [`problem::formulation::Constraint`] has it.
     pub(super) const fn constraint(self) -> &'static str {
         match self {
             Self::Pressure => "contact pressure",
@@ -329,7 +329,7 @@ pub fn mark(points: &mut [Point], against: Objective) {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use campaign::file::Sampling;
-use campaign::formulation::Problem;
-use campaign::formulation::gears::VARIABLE_NAMES;
+use problem::file::Sampling;
+use problem::formulation::Problem;
+use problem::formulation::gears::VARIABLE_NAMES;
 use results::number::{MISSING, fixed};
 use results::report::charts::{self, PercentileSeries};
 use results::report::{Error, Picture};
@@ -162,8 +162,8 @@ fn chart(
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
     use gear::paper::printed::Place;
+    use problem::Campaign;
     use stats::OrderStatistic;
 
     use super::*;

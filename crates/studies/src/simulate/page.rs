@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use campaign::PairFile;
 use gear::{Member, Pair};
+use problem::PairFile;
 use results::report::{self, PairPage, PressureCurves, SteCurves, WearProfiles, charts};
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use campaign::formulation::Constraint;
+use problem::formulation::Constraint;
 
 use super::{ContactRatio, Figures, Simulation};
 

@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use campaign::formulation::Problem;
-use campaign::task::{Inputs, Output, Source, compute};
-use campaign::{Campaign, probe};
 use lab::tradeoff::{ApproachResult, Load, RunnerTimes, process_seconds};
 use ledger::{Generation, StreamId, Unit};
+use problem::formulation::Problem;
+use problem::task::{Inputs, Output, Source, compute};
+use problem::{Campaign, probe};
 use rand::RngExt as _;
 use results::optima::Optima;
 use runner::coordinator::board::{self, Board};

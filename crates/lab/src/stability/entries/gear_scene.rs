@@ -1,11 +1,11 @@
 //! Helpers that the entries of gear pairs share.
 
-use campaign::Campaign;
-use campaign::file::GearLimits;
-use campaign::formulation::gears::{GearCriteria, constraints};
 use gear::{
     Discretisation, Error, Infeasible, Pair, PairInput, Size, TipRule, ToothModel, paper::MATERIAL,
 };
+use problem::Campaign;
+use problem::file::GearLimits;
+use problem::formulation::gears::{GearCriteria, constraints};
 
 use crate::stability::outcome::{EntryError, Outcome};
 

@@ -1,10 +1,10 @@
 //! CMA-ES at the edge of what is feasible or can be evaluated; the static penalty.
 
-use campaign::formulation::Problem;
-use campaign::optimise;
-use campaign::task::Run as CampaignRun;
-use campaign::{Approach, Campaign};
 use cmaes::{Bounds, Cause, Evaluation, RunOptions, Stop, minimise_run};
+use problem::formulation::Problem;
+use problem::optimise;
+use problem::task::Run as CampaignRun;
+use problem::{Approach, Campaign};
 use rand::RngExt as _;
 use results::report::Scale;
 

@@ -1,8 +1,8 @@
 //! The best design so far.
 
-use campaign::Design;
-use campaign::formulation::{Constraint, Problem};
-use campaign::optimise::Solution;
+use problem::Design;
+use problem::formulation::{Constraint, Problem};
+use problem::optimise::Solution;
 use serde::Serialize;
 use stats::OrderStatistic;
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::report::{OptimiserRun, charts};
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 use serde::Serialize;
 
 use super::{Chart, SCHEMA_VERSION};
@@ -44,7 +44,7 @@ pub struct Run {
 #[must_use]
 pub fn convergence(
     problem: &Problem,
-    runs: BTreeMap<(campaign::Approach, usize), (OptimiserRun, bool)>,
+    runs: BTreeMap<(problem::Approach, usize), (OptimiserRun, bool)>,
 ) -> Convergence {
     let mut by_approach: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for ((approach, _), run) in runs {

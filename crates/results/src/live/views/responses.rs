@@ -1,6 +1,6 @@
 //! The percentile over the design space.
 
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 use serde::Serialize;
 
 use super::{Chart, SCHEMA_VERSION};
@@ -170,7 +170,7 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
 
 #[cfg(test)]
 mod tests {
-    use campaign::Campaign;
+    use problem::Campaign;
 
     use super::*;
 

@@ -1,8 +1,8 @@
 //! The designs that the approaches found, as table rows (Table 5).
 
-use campaign::formulation::Constraint;
-use campaign::optimise::Solution;
-use campaign::{Approach, GearCriteria};
+use problem::formulation::Constraint;
+use problem::optimise::Solution;
+use problem::{Approach, GearCriteria};
 
 use super::cells::{Value, limited};
 use crate::number::{MISSING, fixed, shortest, signed, significant};

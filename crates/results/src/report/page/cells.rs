@@ -1,6 +1,6 @@
 //! Numbers in the cells of tables.
 
-use campaign::formulation::Constraint;
+use problem::formulation::Constraint;
 use stats::OrderStatistic;
 
 use crate::number::{self, MISSING, with_unit};

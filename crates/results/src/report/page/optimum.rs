@@ -1,7 +1,7 @@
 //! One design: its gears, its transmission error and its contact.
 
-use campaign::Approach;
-use campaign::optimise::Solution;
+use problem::Approach;
+use problem::optimise::Solution;
 
 use super::approaches::difference;
 use super::cells::ShowPercentile as _;

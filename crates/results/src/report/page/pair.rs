@@ -1,7 +1,7 @@
 //! The page of one gear pair.
 
 use askama::Template;
-use campaign::formulation::Constraint;
+use problem::formulation::Constraint;
 
 use super::cells::Show as _;
 use super::figure::{Figure, figure};

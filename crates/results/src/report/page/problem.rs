@@ -1,7 +1,7 @@
 //! The page of a campaign with a problem of the user's.
 
 use askama::Template;
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 
 use super::campaign::CampaignView;
 use super::cells::{Show as _, ShowCount as _, Value, limited, named};

@@ -1,6 +1,6 @@
 //! The charts as files of their own, and data that charts often break on.
 
-use campaign::Approach;
+use problem::Approach;
 
 use super::data::plausible;
 use super::markup::{check, element_count};

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use campaign::formulation::Problem;
-use campaign::optimise::Solution;
-use campaign::{Approach, Campaign, Criteria, Design, GearCriteria};
 use kriging::{Data, Settings, Surrogate};
+use problem::formulation::Problem;
+use problem::optimise::Solution;
+use problem::{Approach, Campaign, Criteria, Design, GearCriteria};
 use results::costs::StageCost;
 use results::optima::Optima;
 use results::report::*;

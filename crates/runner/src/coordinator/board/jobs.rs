@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::task::Source;
 use ledger::{Crash, History, StreamDemand, StreamId, Unit};
+use problem::task::Source;
 use stages::searching::Progress;
 
 use super::{Board, Course};

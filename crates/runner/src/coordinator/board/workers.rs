@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::task::Source;
 use ledger::{Delivery, Failure, Generation, Grant, LeaseId, StreamId, Unit, Verdict, WorkerId};
+use problem::task::Source;
 use tokio::time::Instant;
 
 use super::{Board, Course, Inner};

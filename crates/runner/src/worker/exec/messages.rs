@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use campaign::formulation::Problem;
+use problem::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Deserializer, Map, Value, json};
 

@@ -3,9 +3,9 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicU32;
 
-use campaign::Campaign;
-use campaign::task::{Output, Run, Source, compute, compute_until};
 use ledger::{Generation, StreamId, Unit};
+use problem::Campaign;
+use problem::task::{Output, Run, Source, compute, compute_until};
 
 use super::*;
 use crate::exit::HasExitCode as _;
@@ -381,7 +381,7 @@ fn a_simulator_whose_numbers_cannot_be_fails() {
 #[test]
 fn a_failing_program_fails_the_optimiser_too() {
     let source = Source::Run(Run {
-        approach: campaign::Approach::Baseline,
+        approach: problem::Approach::Baseline,
         start: 0,
         base: problem().base().clone(),
         model: None,

@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use crate::gateway::link::cause;
 use crate::protocol::v1::RegisterRequest;
-use campaign::Campaign;
-use campaign::formulation::Problem;
+use problem::Campaign;
+use problem::formulation::Problem;
 use tracing::{debug, info, warn};
 
 use super::contact::SILENCE;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use sha2::{Digest as _, Sha256};
 
-use campaign::task::FIRST_INFILL;
+use problem::task::FIRST_INFILL;
 
 use super::super::*;
 use crate::derived::generation_inputs;
@@ -350,7 +350,7 @@ impl World {
             }
             Kind::Run => {
                 let run = next.runs.iter().find(|run| run.stream() == stream).unwrap();
-                let source = campaign::task::Source::Run(run.clone());
+                let source = problem::task::Source::Run(run.clone());
                 let inputs = generation_inputs(self.inputs.generation(stream, &source));
                 let of = DerivedResult::Run(run.stream());
                 let derivation = Derivation {

@@ -1,7 +1,7 @@
 //! Problems stated in the campaign file.
 
-use campaign::formulation::{Approach, Criteria, Problem};
-use campaign::{Campaign, Design};
+use problem::formulation::{Approach, Criteria, Problem};
+use problem::{Campaign, Design};
 
 const FILE: &str = include_str!("../../../../campaigns/ishigami/campaign.toml");
 
@@ -79,7 +79,7 @@ fn a_response_to_be_maximised_keeps_its_name_and_sign_and_its_level_counts_from_
         (0.1, "P10")
     );
     // Workers and the store read the campaign back from JSON.
-    let read = campaign::Campaign::from_json(&campaign.to_json()).unwrap();
+    let read = problem::Campaign::from_json(&campaign.to_json()).unwrap();
     assert_eq!(read, campaign);
     let samples: Vec<f64> = (0..101).map(f64::from).collect();
     let verified = read.sampling.verified(&samples).unwrap();

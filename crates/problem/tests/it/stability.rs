@@ -4,10 +4,10 @@
 //!
 //! The simulator consists of formulas in the six robust variables, scaled to [0, 1].
 
-use campaign::formulation::{Design, GearCriteria, Problem};
-use campaign::optimise::{self, RunResult};
-use campaign::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
-use campaign::{Approach, Campaign};
+use problem::formulation::{Design, GearCriteria, Problem};
+use problem::optimise::{self, RunResult};
+use problem::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use problem::{Approach, Campaign};
 use stats::streams::StreamRng;
 
 /// The values of a formula at a point of the unit cube.
@@ -76,7 +76,7 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
         problem: Problem::new(campaign),
         formula,
     };
-    let run = campaign::task::Run {
+    let run = problem::task::Run {
         approach: Approach::Baseline,
         start,
         base: made.problem.base().clone(),
