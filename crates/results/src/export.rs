@@ -13,6 +13,7 @@ use stages::names;
 use stages::rounds::Round;
 use store::Store;
 
+use crate::columns::statistic;
 use crate::converged::difference_um;
 use crate::optima::Optima;
 use crate::table::{Cell, Column, Format, TableWriter};
@@ -88,33 +89,6 @@ impl<W: Write + Send> Destination<'_, W> {
     fn table(self, columns: Vec<Column>) -> anyhow::Result<TableWriter<W>> {
         TableWriter::new(self.out, self.format, self.name, columns)
     }
-}
-
-/// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
-/// as the user's own names are. `{p}` stands for the percentile's.
-pub(crate) fn column(problem: &Problem, what: &str) -> String {
-    let sampling = &problem.campaign().sampling;
-    let name = what.replace("{p}", &sampling.percentile_column());
-    let square = if is_squared(what) { "2" } else { "" };
-    match problem.gears() {
-        Some(_) => format!("{name}_um{square}"),
-        None => name,
-    }
-}
-
-fn is_squared(what: &str) -> bool {
-    what.ends_with("variance")
-}
-
-/// A column about the sampled response, as [`column`] names it.
-fn statistic(problem: &Problem, what: &str) -> Column {
-    let unit = &problem.sampled().unit;
-    let square = if is_squared(what) && !unit.is_empty() {
-        "²"
-    } else {
-        ""
-    };
-    Column::number(column(problem, what)).in_unit(format!("{unit}{square}"))
 }
 
 /// A column of a variable, a response or a criterion.

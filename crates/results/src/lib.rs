@@ -13,6 +13,8 @@
 
 #![allow(missing_docs, reason = "only the programs of this workspace use it")]
 
+pub mod cell;
+mod columns;
 pub mod comparison;
 mod converged;
 pub mod costs;

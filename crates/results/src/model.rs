@@ -8,7 +8,7 @@ use problem::formulation::Problem;
 use stages::fitting::latest_model;
 use store::Store;
 
-use crate::export::column;
+use crate::columns::column;
 
 /// The model of the percentile over the variables that the DoE moves, as the campaign fitted it last: after an
 /// enrichment, to its infill points as well.

@@ -15,7 +15,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
 
-use crate::table::{Cell, Column, Kind, SCHEMA_VERSION};
+use crate::cell::{Cell, Column, Kind, SCHEMA_VERSION};
 
 /// Rows of a row group; they are kept in memory until it is full.
 const ROWS: usize = 1 << 16;

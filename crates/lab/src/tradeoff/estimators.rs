@@ -17,7 +17,7 @@ use stats::{Shape, order_statistic};
 use crate::summary::{median, root_mean_square};
 use crate::tradeoff::data;
 use crate::tradeoff::front::Rule;
-use crate::tradeoff::study::Size;
+use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 

@@ -12,7 +12,7 @@ use crate::summary::{quantile, root_mean_square};
 use crate::tradeoff::clock::process_seconds;
 use crate::tradeoff::data::{self, Doe};
 use crate::tradeoff::front::Rule;
-use crate::tradeoff::study::Size;
+use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 

@@ -9,8 +9,8 @@ use problem::formulation::{Approach, Problem};
 
 use crate::summary::{median, quantile};
 use crate::tradeoff::front::Rule;
-use crate::tradeoff::runner::Runner;
-use crate::tradeoff::study::Size;
+use crate::tradeoff::runner::{ApproachResult, Runner};
+use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
@@ -65,18 +65,6 @@ const APPROACHES: [Approach; 6] = [
 
 /// Minimum number of designs and of evaluations.
 const FEWEST: u32 = 60;
-
-/// The result of one approach for one seed.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ApproachResult {
-    pub approach: Approach,
-    /// Simulator calls, including those of the DoE if the approach uses it.
-    pub calls: f64,
-    /// CPU time in seconds, including that of the DoE if the approach uses it.
-    pub seconds: f64,
-    /// The percentile of verification samples, in µm; infinite without a feasible design.
-    pub percentile: f64,
-}
 
 pub(crate) fn run(
     problem: &Problem,

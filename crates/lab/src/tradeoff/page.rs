@@ -3,7 +3,8 @@
 use problem::Campaign;
 use results::report::{TradeoffPage, TradeoffRow, TradeoffStudy};
 
-use crate::tradeoff::study::{Size, Study};
+use crate::tradeoff::size::Size;
+use crate::tradeoff::study::Study;
 
 /// The page of the studies. The `facts` name the machine and the program of the measurements.
 #[must_use]

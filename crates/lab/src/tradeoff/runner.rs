@@ -1,10 +1,9 @@
 //! The time that leases, messages, processes and the store add to that of the simulator.
 
-use problem::Campaign;
+use problem::{Approach, Campaign};
 
 use crate::tradeoff::front::Rule;
-use crate::tradeoff::optimisation::ApproachResult;
-use crate::tradeoff::study::Size;
+use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
@@ -56,6 +55,18 @@ pub struct RunnerTimes {
     pub cpu_seconds: f64,
     /// CPU time of a sample in one thread, in seconds; zero for a program's sample.
     pub alone_seconds: f64,
+}
+
+/// The result of one approach for one seed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ApproachResult {
+    pub approach: Approach,
+    /// Simulator calls, including those of the DoE if the approach uses it.
+    pub calls: f64,
+    /// CPU time in seconds, including that of the DoE if the approach uses it.
+    pub seconds: f64,
+    /// The percentile of verification samples, in µm; infinite without a feasible design.
+    pub percentile: f64,
 }
 
 /// A runner of samples and campaigns.

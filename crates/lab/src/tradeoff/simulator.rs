@@ -15,7 +15,7 @@ use stats::streams::{Purpose, stream};
 
 use crate::summary::{median, quantile};
 use crate::tradeoff::front::Rule;
-use crate::tradeoff::study::Size;
+use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 

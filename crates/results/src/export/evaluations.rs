@@ -8,7 +8,8 @@ use problem::formulation::Problem;
 use stages::names;
 use store::{EvaluationRow, Store};
 
-use super::{Destination, numbers, quantity, statistic};
+use super::{Destination, numbers, quantity};
+use crate::columns::statistic;
 use crate::row;
 use crate::table::{Cell, Column};
 

@@ -1,0 +1,32 @@
+//! Columns about the sampled response.
+
+use problem::formulation::Problem;
+
+use crate::cell::Column;
+
+/// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
+/// as the user's own names are. `{p}` stands for the percentile's.
+pub(crate) fn column(problem: &Problem, what: &str) -> String {
+    let sampling = &problem.campaign().sampling;
+    let name = what.replace("{p}", &sampling.percentile_column());
+    let square = if is_squared(what) { "2" } else { "" };
+    match problem.gears() {
+        Some(_) => format!("{name}_um{square}"),
+        None => name,
+    }
+}
+
+fn is_squared(what: &str) -> bool {
+    what.ends_with("variance")
+}
+
+/// A column about the sampled response, as [`column`] names it.
+pub(crate) fn statistic(problem: &Problem, what: &str) -> Column {
+    let unit = &problem.sampled().unit;
+    let square = if is_squared(what) && !unit.is_empty() {
+        "²"
+    } else {
+        ""
+    };
+    Column::number(column(problem, what)).in_unit(format!("{unit}{square}"))
+}
