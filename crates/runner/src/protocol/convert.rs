@@ -488,17 +488,20 @@ mod tests {
         type Change = fn(&mut v1::UnitResult);
         let changes: [(Change, &str); 7] = [
             (|result| result.unit = None, "names no unit"),
-            (|result| result.unit.as_mut().unwrap().kind = 9, "no kind"),
+            (
+                |result| result.unit.as_mut().unwrap().kind = 9,
+                "without a kind",
+            ),
             (
                 |result| result.unit.as_mut().unwrap().first = u32::MAX,
-                "beyond",
+                "sample index",
             ),
-            (|result| result.samples.push(1.0), "as many samples"),
+            (|result| result.samples.push(1.0), "sample count"),
             (|result| result.responses[3] = f64::NAN, "not a number"),
             (|result| result.error = Some(String::new()), "either"),
             (
                 |result| result.unit.as_mut().unwrap().kind = v1::Kind::Point.into(),
-                "asks for",
+                "does not match",
             ),
         ];
         for (change, why) in changes {
