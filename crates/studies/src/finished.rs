@@ -15,7 +15,7 @@ use crate::refusal::UnfinishedCampaign;
 
 /// A design that an approach found, with its verification samples.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Optimum {
+pub struct FeasibleOptimum {
     pub approach: Approach,
     pub variables: GearVariables,
     pub criteria: GearCriteria,
@@ -52,7 +52,7 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     Ok(Problem::new(campaign.clone()))
 }
 
-impl Optimum {
+impl FeasibleOptimum {
     /// The optimum of an approach; `None` if it is not feasible.
     fn of(verified: &VerifiedOptimum) -> Option<Self> {
         let found = verified.optimum.feasible()?;
@@ -70,9 +70,9 @@ impl Optimum {
 /// # Errors
 ///
 /// The store cannot be read.
-pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<Optimum>> {
+pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<FeasibleOptimum>> {
     let optima = Optima::read(store, problem).await?;
-    Ok(optima.iter().filter_map(Optimum::of).collect())
+    Ok(optima.iter().filter_map(FeasibleOptimum::of).collect())
 }
 
 /// The optimum of an approach, or the recommended one.
@@ -84,7 +84,7 @@ pub async fn optimum(
     store: &Store,
     problem: &Problem,
     approach: Option<Approach>,
-) -> anyhow::Result<Optimum> {
+) -> anyhow::Result<FeasibleOptimum> {
     let optima = Optima::read(store, problem).await?;
     let (optimum, none) = match approach {
         Some(approach) => (
@@ -96,12 +96,12 @@ pub async fn optimum(
             "no approach found a feasible design".to_owned(),
         ),
     };
-    optimum.and_then(Optimum::of).context(none)
+    optimum.and_then(FeasibleOptimum::of).context(none)
 }
 
 /// The five variables that all designs of the campaign's DoE share.
 #[must_use]
-pub fn base(problem: &Problem, optima: &[Optimum]) -> Design {
+pub fn base(problem: &Problem, optima: &[FeasibleOptimum]) -> Design {
     let without_wear = optima
         .iter()
         .find(|optimum| optimum.approach == Approach::Nominal);

@@ -24,7 +24,7 @@ use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
 use stats::{OrderStatistic, Sensitivity, SensitivityIndex, SensitivityPlan};
 
-use crate::finished::Optimum;
+use crate::finished::FeasibleOptimum;
 use crate::samples::in_pieces;
 use crate::table::{Document, PageTable, percentile_cells, with_interval, write};
 
@@ -107,7 +107,7 @@ impl WearFactors {
 /// # Errors
 ///
 /// The design cannot be simulated, which is not expected for one from the campaign's store.
-pub fn scenarios(problem: &Problem, optimum: &Optimum) -> anyhow::Result<Vec<Scenario>> {
+pub fn scenarios(problem: &Problem, optimum: &FeasibleOptimum) -> anyhow::Result<Vec<Scenario>> {
     let gears = problem.gears().context(NO_GEARS)?;
     let pair = gears.pair(&optimum.variables.into())?;
     let none = WearFactors::NONE;
@@ -168,7 +168,7 @@ fn draw(
 /// the simulator fails.
 pub fn indices(
     problem: &Problem,
-    optimum: &Optimum,
+    optimum: &FeasibleOptimum,
     tolerances: &Tolerances,
 ) -> anyhow::Result<Vec<Indices>> {
     let names = &VARIABLE_NAMES[..DEVIATING];
@@ -305,7 +305,7 @@ fn analyse(
 pub fn write_tables(
     out: &Path,
     campaign: &Campaign,
-    optimum: &Optimum,
+    optimum: &FeasibleOptimum,
     tolerances: &Tolerances,
     scenarios: &[Scenario],
     indices: &[Indices],
@@ -411,7 +411,7 @@ mod tests {
     use crate::samples;
 
     /// The optimum of Figure 9 with the campaign's own random numbers.
-    fn figure_9() -> (Problem, Optimum) {
+    fn figure_9() -> (Problem, FeasibleOptimum) {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
         campaign.sampling.samples_per_design = 10;
         campaign.verify.samples = Some(200);
@@ -419,7 +419,7 @@ mod tests {
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
         let gears = problem.gears().unwrap();
         let pair = gears.pair(&design).unwrap();
-        let optimum = Optimum {
+        let optimum = FeasibleOptimum {
             approach: Approach::Baseline,
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, 1000.0),

@@ -10,7 +10,7 @@ use stats::OrderStatistic;
 use store::{CriteriaRow, Store};
 
 use crate::direct::{self, Start};
-use crate::finished::Optimum;
+use crate::finished::FeasibleOptimum;
 use crate::samples;
 
 /// The number of the first search; those of corrections have lower numbers.
@@ -185,7 +185,7 @@ pub async fn of_doe(
 
 /// The optima of a finished campaign.
 #[must_use]
-pub fn of_optima(sampling: &Sampling, optima: &[Optimum]) -> Vec<Point> {
+pub fn of_optima(sampling: &Sampling, optima: &[FeasibleOptimum]) -> Vec<Point> {
     optima
         .iter()
         .filter_map(|optimum| {
