@@ -52,7 +52,7 @@ fn the_example_runs_from_the_doe_to_the_report() {
     let check = sandbox.coordinator(&["check", &file]);
     assert_code(&check, 0);
     assert!(
-        printed(&check).contains("no estimate"),
+        printed(&check).contains("is not estimated"),
         "{}",
         printed(&check)
     );
