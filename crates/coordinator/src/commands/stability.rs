@@ -19,7 +19,7 @@ pub(super) fn stability(arguments: &arguments::Stability) -> Result<u8, ProgramE
     let out = &arguments.out;
     OutputFolder(out).require_new()?;
     let atlas = Atlas::run();
-    for (name, table) in atlas.tables().map_err(anyhow::Error::from)? {
+    for (name, table) in atlas.tables()? {
         table::write(out, &name, table)?;
     }
     table::write(out, PAGE, atlas.page(runner::identity::BUILD)?)?;
