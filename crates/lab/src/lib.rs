@@ -4,11 +4,6 @@
 //! - [`tradeoff`]: speed against accuracy.
 //! - [`rehearsal`]: the ledger with simulated workers.
 
-#![allow(
-    missing_docs,
-    reason = "a comment that repeats the name of an item helps nobody"
-)]
-
 pub mod rehearsal;
 pub mod stability;
 mod summary;

@@ -11,8 +11,6 @@
 //! - [`snapshot`] has the rows of a campaign, and [`optima`] its optima, verified and ranked.
 //! - [`modelling`] fits models to tables of a user's own.
 
-#![allow(missing_docs, reason = "only the programs of this workspace use it")]
-
 pub mod cell;
 mod columns;
 pub mod comparison;

@@ -4,8 +4,6 @@
 //! - [`coordinator`] leases jobs and does the stages; [`worker`] computes them; [`shards`] carries them in files.
 //! - [`identity`] names the build; [`exit`] has the exit codes; [`console`] has the log, signals and help.
 
-#![allow(missing_docs, reason = "only the programs of this workspace use it")]
-
 pub mod console;
 pub mod coordinator;
 pub mod cpu;

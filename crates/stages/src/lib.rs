@@ -19,8 +19,6 @@
 //!
 //! Nothing here reads a clock or writes to a store.
 
-#![allow(missing_docs, reason = "only the programs of this workspace use it")]
-
 pub mod choosing;
 pub mod constraints;
 pub mod cost;

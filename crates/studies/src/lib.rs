@@ -14,8 +14,6 @@
 //! Simulations run in this process on all threads of the caller's rayon pool, and results do not
 //! depend on their number. Only [`sweep`] runs whole campaigns, which the caller does.
 
-#![allow(missing_docs, reason = "only the programs of this workspace use it")]
-
 pub mod corrections;
 pub mod direct;
 pub mod finished;

@@ -262,22 +262,6 @@ pub const fn with_frozen(variables: [f64; 6]) -> [f64; 11] {
     [x1, x2, ha1, ha2, hf1, hf2, tip1, tip2, root1, root2, beta]
 }
 
-/// The row of Tables 1 and 2 for these variables, if the paper has it.
-#[must_use]
-pub fn preliminary(variables: &[f64; 6]) -> Option<&'static PreliminaryRow> {
-    PRELIMINARY
-        .iter()
-        .find(|row| same_design(&row.variables, variables))
-}
-
-/// The row of Table 4 for these variables, if the paper has it.
-#[must_use]
-pub fn similar(variables: &[f64; 6]) -> Option<&'static SimilarRow> {
-    SIMILAR
-        .iter()
-        .find(|row| same_design(&row.variables, variables))
-}
-
 /// A table row or figure of the paper that prints a ΔSTE.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Place {
@@ -387,11 +371,6 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// Whether two designs are the same to the digits that the paper prints.
-fn same_design(a: &[f64; 6], b: &[f64; 6]) -> bool {
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() < 5e-4)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -416,13 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_found_by_their_variables() {
-        assert_eq!(
-            similar(&[0.15, 0.71, 1.44, 1.07, 1.63, 1.16]),
-            Some(&SIMILAR[4])
-        );
-        assert_eq!(similar(&[0.15, 0.71, 1.44, 1.07, 1.63, 1.17]), None);
-        assert_eq!(preliminary(&[f64::NAN; 6]), None);
+    fn other_figures_print_nothing() {
         assert!(printed(5).is_none() && printed(11).is_none());
     }
 }

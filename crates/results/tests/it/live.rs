@@ -7,29 +7,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use ledger::Counts;
-use problem::Campaign;
 use results::live::site::View;
 use results::live::{Site, serve};
 use results::running::{Paces, Running};
-use store::{CampaignRow, Store};
 use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
-
-async fn store() -> (TempDir, Store) {
-    let folder = tempfile::tempdir().unwrap();
-    let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-    let row = CampaignRow {
-        name: campaign.name.clone(),
-        file_text: Campaign::PAPER.to_owned(),
-        digest: campaign.digest(),
-        seed: campaign.seed,
-        program_version: "0".to_owned(),
-        model_digest: None,
-    };
-    let path = folder.path().join("s.db");
-    let store = Store::create_or_open(&path, &row).await.unwrap();
-    (folder, store)
-}
 
 /// A coordinator without workers.
 fn idle() -> Running {
@@ -54,7 +36,7 @@ struct Server {
 
 impl Server {
     async fn start() -> Self {
-        let (folder, store) = store().await;
+        let (folder, store) = super::new_store().await;
         let listener = tokio::net::TcpListener::bind((Ipv4Addr::LOCALHOST, 0));
         let listener = listener.await.unwrap();
         let address = listener.local_addr().unwrap();
@@ -181,7 +163,7 @@ async fn a_page_that_listens_hears_the_end() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_hundred_open_pages_read_the_store_about_once() {
-    let (_folder, store) = store().await;
+    let (_folder, store) = super::new_store().await;
     let asked = Arc::new(AtomicU32::new(0));
     let count = Arc::clone(&asked);
     let site = Site::new(

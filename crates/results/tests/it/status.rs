@@ -3,25 +3,12 @@
 use std::time::Duration;
 
 use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
-use problem::Campaign;
 use results::running::{Pace, Paces, RunSeconds, Running};
 use results::status::{OptimumStatus, Progress, Status, read};
 use stages::stage::Stage;
-use store::{CampaignRow, Store};
 
 async fn status() -> Status {
-    let folder = tempfile::tempdir().unwrap();
-    let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-    let row = CampaignRow {
-        name: campaign.name.clone(),
-        file_text: Campaign::PAPER.to_owned(),
-        digest: campaign.digest(),
-        seed: campaign.seed,
-        program_version: "0".to_owned(),
-        model_digest: None,
-    };
-    let path = folder.path().join("s.db");
-    let store = Store::create_or_open(&path, &row).await.unwrap();
+    let (_folder, store) = super::new_store().await;
     let status = read(&store).await.unwrap();
     store.close().await.unwrap();
     status
