@@ -56,10 +56,8 @@ impl<P: Clone> Ledger<P> {
                 missing,
                 end,
                 leases: BTreeSet::new(),
-                is_suspect: false,
-                has_lapsed: history.crashes > 0,
-                crashed_on_it: BTreeSet::new(),
-                history,
+                deaths: history.deaths,
+                earlier_failures: history.failures,
                 is_tolerant: wanted.is_tolerant,
                 failing: BTreeMap::new(),
                 quarantined: None,
@@ -109,7 +107,7 @@ impl<P: Clone> Ledger<P> {
         let known = self.workers.known.entry(worker.clone());
         let state = known.or_insert_with(|| Worker::new(host, slots));
         state.slots = slots.max(1);
-        self.workers.see(worker, now);
+        self.hear(worker, now);
         self.slots = None;
         // A lease time never shrinks: workers rely on the longer one.
         let needed = lease_for(self.workers.known.len());
@@ -119,6 +117,17 @@ impl<P: Clone> Ledger<P> {
     /// Records that a worker called. Returns false if the worker is not registered.
     pub fn see(&mut self, worker: &WorkerId, now: Duration) -> bool {
         self.workers.see(worker, now).is_some()
+    }
+
+    /// Records a call that only a living worker makes. A report does not show that: it may be stored after the worker's
+    /// death.
+    fn hear(&mut self, worker: &WorkerId, now: Duration) {
+        if let Some(state) = self.workers.see(worker, now) {
+            state.last_heard = state.last_heard.max(now);
+            if state.has_vanished {
+                self.exonerate(worker);
+            }
+        }
     }
 
     /// Records that a worker is leaving: it gets no further leases, and the crashes and failures of
@@ -152,14 +161,20 @@ impl<P: Clone> Ledger<P> {
     /// that worker is slow. The first delivery counts.
     pub fn lease(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
         self.wake(now);
-        let state = self.workers.see(worker, now)?;
+        self.hear(worker, now);
+        let state = self.workers.known.get_mut(worker)?;
         let is_kept = state.is_kept_from_work(now);
-        if is_kept || self.is_draining || now < self.closed_until {
+        let holds_any = !state.held.is_empty();
+        let is_closed = self.is_draining || now < self.closed_until;
+        if is_kept || is_closed || self.holds_isolated(worker) {
             return None;
         }
         let slots = self.slots_present(now);
-        let units = self.cut(worker, slots);
-        if !units.is_empty() {
+        let units = self.cut(worker, slots, now);
+        if let [first, ..] = &*units {
+            if holds_any && self.is_isolated(first.stream) {
+                return None;
+            }
             if self.needs_control(worker, &units, now) {
                 return self.grant_control(worker, now);
             }
@@ -181,6 +196,7 @@ impl<P: Clone> Ledger<P> {
     /// Extends the leases that a worker holds and returns those that are no longer needed.
     ///
     /// A lease that expired meanwhile is taken up again, unless other leases cover its samples.
+    /// [`vanish`](Self::vanish) is undone.
     pub fn heartbeat(
         &mut self,
         worker: &WorkerId,
@@ -188,7 +204,7 @@ impl<P: Clone> Ledger<P> {
         now: Duration,
     ) -> Vec<LeaseId> {
         self.wake(now);
-        self.see(worker, now);
+        self.hear(worker, now);
         let mut cancelled = Vec::new();
         for &(id, started) in held {
             let is_held = self.extend(worker, id, started, now) || {
@@ -268,7 +284,7 @@ impl<P: Clone> Ledger<P> {
         let has_brought = delivery.has_answers || has_samples || !delivery.refused.is_empty();
         if let Some(lease) = &ended {
             for unit in &lease.units {
-                self.take_crash_back(worker, unit.stream);
+                self.take_death_back(worker, unit.stream);
             }
             if has_brought {
                 self.succeeded(worker, lease, delivery);
@@ -302,19 +318,29 @@ impl<P: Clone> Ledger<P> {
         (failures.collect(), suspended)
     }
 
-    /// Ends the expired leases in order of expiry and returns those that had started: each may be a
-    /// crash.
+    /// Ends the expired leases. A worker that was silent meanwhile has [vanished](Self::vanish), with all that it
+    /// held. One that calls but does not name the lease never got it.
     pub fn expire(&mut self, now: Duration) -> Vec<Crash> {
         self.wake(now);
-        let due = self
-            .expiries
-            .iter()
-            .take_while(|(expires, _)| *expires <= now);
-        let due: Vec<LeaseId> = due.map(|&(_, id)| id).collect();
-        let vanished = due.into_iter().filter_map(|id| self.expire_lease(id));
-        let vanished = vanished.collect();
+        let mut crashes = Vec::new();
+        while let Some(&(expires, id)) = self.expiries.first()
+            && expires <= now
+        {
+            let Some(worker) = self.leases.get(&id).map(|lease| lease.worker.clone()) else {
+                self.expiries.pop_first();
+                continue;
+            };
+            let heard = self.workers.known.get(&worker);
+            let heard = heard.map_or(Duration::ZERO, |state| state.last_heard);
+            if now.saturating_sub(heard) < self.options.lease / 2 {
+                let lease = self.end(id);
+                self.lapsed.extend(lease.map(|lease| (id, lease)));
+            } else {
+                crashes.extend(self.vanish(&worker, now));
+            }
+        }
         self.clean(now);
-        vanished
+        crashes
     }
 
     /// The next time after `now` at which the state changes by itself for a worker: a lease expires,
@@ -371,9 +397,8 @@ impl<P: Clone> Ledger<P> {
         for &id in &retried {
             self.reopen(id);
             if let Some(stream) = self.streams.get_mut(&id) {
-                stream.crashed_on_it.clear();
-                stream.history = Default::default();
-                stream.is_suspect = false;
+                stream.deaths.clear();
+                stream.earlier_failures = 0;
             }
         }
         self.wake(Duration::MAX);

@@ -84,7 +84,6 @@ impl<P: Clone> Ledger<P> {
                 .collect(),
             seconds,
             is_control: true,
-            announce: false,
         })
     }
 

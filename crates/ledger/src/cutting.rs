@@ -5,6 +5,7 @@
 
 use std::collections::BTreeSet;
 use std::ops::Range;
+use std::time::Duration;
 
 use crate::ledger::Ledger;
 use crate::types::{Kind, StreamId, Unit, WorkerId};
@@ -46,11 +47,10 @@ impl<P: Clone> Ledger<P> {
 
     /// The units that a worker gets next when the present workers have `slots` slots in total.
     /// Empty when nothing is free.
-    pub(crate) fn cut(&self, worker: &WorkerId, slots: usize) -> Vec<Unit> {
+    pub(crate) fn cut(&self, worker: &WorkerId, slots: usize, now: Duration) -> Vec<Unit> {
         let failed = self.workers.known.get(worker).map(|state| &state.strikes);
         let has_failed = |id: &StreamId| failed.is_some_and(|failed| failed.contains(id));
-        let first = self.free.iter().find(|id| !has_failed(id));
-        let Some(&first) = first.or_else(|| self.free.first()) else {
+        let Some(first) = self.first_free(worker, now) else {
             return Vec::new();
         };
         let target = self.target(first, slots);
@@ -60,7 +60,7 @@ impl<P: Clone> Ledger<P> {
             let Some(stream) = self.streams.get(&id) else {
                 continue;
             };
-            let is_alone = stream.is_suspect
+            let is_alone = !stream.deaths.is_empty()
                 || !stream.failing.is_empty()
                 || id.kind != Kind::Design
                 || !self.options.bundle;
@@ -94,6 +94,27 @@ impl<P: Clone> Ledger<P> {
             }
         }
         units
+    }
+
+    /// The stream that a worker gets next. Those that it has failed come after others, and those that are computed alone
+    /// come last, since the worker must first have delivered everything else.
+    fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
+        let state = self.workers.known.get(worker)?;
+        let is_for_others = |id: &StreamId| {
+            self.has_failed_enough(*id, &state.host) && self.other_hosts(worker, now)
+        };
+        let rank = |id: StreamId| (self.is_isolated(id), state.strikes.contains(&id));
+        let mut best = None;
+        for &id in self.free.iter().filter(|id| !is_for_others(id)) {
+            let rank = rank(id);
+            if best.is_none_or(|(least, _)| rank < least) {
+                best = Some((rank, id));
+            }
+            if rank == (false, false) {
+                break;
+            }
+        }
+        best.map(|(_, id)| id)
     }
 
     /// Maximum weight of a lease that begins with this stream.

@@ -8,7 +8,7 @@ use crate::cutting::{TARGET_SECONDS, UNKNOWN_SECONDS};
 use crate::ledger::{Ledger, SURVEY_PERIOD};
 use crate::ranges::{common, overlap};
 use crate::state::{Lease, Stream};
-use crate::types::{Crash, Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
+use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
 
 /// Weight of a new measurement in the running mean of the cost of a sample.
 const LEARNING_RATE: f64 = 0.3;
@@ -69,10 +69,6 @@ impl<P: Clone> Ledger<P> {
             units: sources.collect(),
             seconds: self.as_held(&units, seconds),
             is_control: false,
-            announce: units.iter().any(|unit| {
-                let stream = self.streams.get(&unit.stream);
-                stream.is_some_and(|stream| stream.has_lapsed)
-            }),
         };
         let lease = Lease {
             worker: worker.clone(),
@@ -222,7 +218,8 @@ impl<P: Clone> Ledger<P> {
         now: Duration,
     ) -> Option<(LeaseId, Vec<Unit>)> {
         let patience = self.patience_at(now);
-        let failed = &self.workers.known.get(worker)?.strikes;
+        let state = self.workers.known.get(worker)?;
+        let (failed, holds_any) = (&state.strikes, !state.held.is_empty());
         let old = self.alone.iter();
         let old = old.take_while(|(granted, _)| now.saturating_sub(*granted) >= patience);
         for &(_, id) in old {
@@ -238,12 +235,13 @@ impl<P: Clone> Ledger<P> {
             });
             let is_suspect = |unit: &Unit| {
                 let stream = self.streams.get(&unit.stream);
-                stream.is_some_and(|stream| stream.is_suspect)
+                stream.is_some_and(|stream| !stream.deaths.is_empty())
             };
             if units.iter().any(is_suspect) {
-                // The stream that crashes workers is identified only if each is computed alone.
+                // The stream that kills workers is found only if each is computed by itself.
                 units.truncate(1);
             }
+            units.retain(|unit| !holds_any || !self.is_isolated(unit.stream));
             if !units.is_empty() {
                 return Some((id, units));
             }
@@ -306,52 +304,6 @@ impl<P: Clone> Ledger<P> {
                 lease.units = needed;
             }
         }
-    }
-
-    pub(crate) fn expire_lease(&mut self, id: LeaseId) -> Option<Crash> {
-        let lease = self.end(id)?;
-        let worker = lease.worker.clone();
-        let streams: BTreeSet<StreamId> = lease.units.iter().map(|unit| unit.stream).collect();
-        for id in &streams {
-            if let Some(stream) = self.streams.get_mut(id) {
-                stream.has_lapsed = true;
-            }
-        }
-        let has_started = lease.started;
-        self.lapsed.insert(id, lease);
-        let state = self.workers.known.get_mut(&worker);
-        if !has_started || state.as_ref().is_some_and(|state| state.is_leaving) {
-            return None;
-        }
-        if let Some(state) = state {
-            state.crashed += 1;
-        }
-        let &first = streams.first()?;
-        let is_split = streams.len() > 1;
-        let mut quarantined = false;
-        for id in streams {
-            let Some(stream) = self.streams.get_mut(&id) else {
-                continue;
-            };
-            if is_split {
-                stream.is_suspect = true;
-                continue;
-            }
-            stream.crashed_on_it.insert(worker.clone());
-            let crashes = stream.crashes();
-            if crashes >= self.options.max_crashes.max(1) && stream.quarantined.is_none() {
-                quarantined = true;
-                let error = format!("{crashes} workers crashed on it, the last was {worker}");
-                self.quarantine(id, error, true);
-            }
-        }
-        Some(Crash {
-            lease: id,
-            worker,
-            stream: first,
-            is_split,
-            quarantined,
-        })
     }
 
     /// Updates the cost of a sample from the duration of a lease.

@@ -175,7 +175,7 @@ impl<P: Clone> Ledger<P> {
     pub fn workers(&self) -> impl Iterator<Item = WorkerStatus> {
         self.workers.known.iter().map(|(id, worker)| WorkerStatus {
             worker: id.clone(),
-            host: worker.host.clone(),
+            host: worker.host.to_string(),
             slots: worker.slots,
             leased: worker.held.len(),
             delivered: worker.delivered,

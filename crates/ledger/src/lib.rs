@@ -36,6 +36,7 @@
 //! - The free samples of a stream are its missing samples that are on no lease and do not wait
 //!   after a failure.
 //! - A sample is on at most two leases, of different workers.
+//! - A stream that is computed alone is on leases of workers that hold nothing else, from the time of its second death.
 //! - A settled stream stays settled, unless more samples are wanted or its generation changes.
 //! - Lease numbers only increase.
 //! - The state is a function of the calls and their times. It does not depend on a clock, random
@@ -47,6 +48,7 @@ mod calls;
 mod check;
 mod control;
 mod cutting;
+mod deaths;
 mod explain;
 mod leases;
 mod ledger;
@@ -62,6 +64,6 @@ pub use ledger::Ledger;
 pub use options::{HEARTBEATS_PER_LEASE, Options};
 pub use ranges::{gaps, subtract};
 pub use types::{
-    Counts, Crash, Delivery, Failure, FailureReport, Generation, Grant, Group, History, Kind,
-    LeaseId, StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
+    Counts, Crash, Death, Delivery, Failure, FailureReport, Generation, Grant, Group, History,
+    Kind, LeaseId, StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
 };

@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::ranges::{common, join, subtract};
-use crate::types::{Generation, History, LeaseId, Unit, WorkerId};
+use crate::types::{Death, Generation, LeaseId, Unit, WorkerId};
 
 #[derive(Debug, Clone)]
 pub(crate) struct Stream<P> {
@@ -19,14 +20,10 @@ pub(crate) struct Stream<P> {
     pub(crate) end: u32,
     /// The leases with units of this stream.
     pub(crate) leases: BTreeSet<LeaseId>,
-    /// Whether the stream gets leases of its own, because a worker crashed on a lease that it
-    /// shared.
-    pub(crate) is_suspect: bool,
-    /// Whether a lease of the stream ever expired.
-    pub(crate) has_lapsed: bool,
-    /// The worker processes that crashed on this stream alone.
-    pub(crate) crashed_on_it: BTreeSet<WorkerId>,
-    pub(crate) history: History,
+    /// The workers that died while they held the stream, which then gets leases of its own.
+    pub(crate) deaths: BTreeMap<WorkerId, Death>,
+    /// Failures before a restart, of whichever sample fails next.
+    pub(crate) earlier_failures: u32,
     /// See [`StreamDemand::is_tolerant`](crate::StreamDemand::is_tolerant).
     pub(crate) is_tolerant: bool,
     /// The missing samples that have failed, and under `None` the failures of the whole stream.
@@ -42,6 +39,8 @@ pub(crate) struct FailedAttempts {
     pub(crate) attempts: u32,
     /// Number of those that count against the sample.
     pub(crate) counted: u32,
+    /// The hosts of the workers that failed.
+    pub(crate) hosts: BTreeSet<Arc<str>>,
     /// The turn of the last one; see [`Ledger::turn`](crate::Ledger).
     pub(crate) turn: u64,
     /// The end of the wait after it.
@@ -51,15 +50,11 @@ pub(crate) struct FailedAttempts {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Quarantine {
     pub(crate) error: String,
-    /// Whether crashes were the reason. A late delivery takes back the crash of its worker.
+    /// Whether deaths were the reason. A worker that delivers late or calls again takes its death back.
     pub(crate) for_crashes: bool,
 }
 
 impl<P> Stream<P> {
-    pub(crate) fn crashes(&self) -> usize {
-        self.history.crashes + self.crashed_on_it.len()
-    }
-
     /// Whether samples can be leased.
     pub(crate) fn has_free(&self) -> bool {
         self.quarantined.is_none() && !self.free.is_empty() && !self.waits()

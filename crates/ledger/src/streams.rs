@@ -1,5 +1,7 @@
 //! Transitions of streams: stored, failed, quarantined, reopened.
 
+use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::ledger::Ledger;
@@ -141,10 +143,12 @@ impl<P: Clone> Ledger<P> {
         }
         state.failed += 1;
         let succeeded_at = state.succeeded_at;
+        let host = Arc::clone(&state.host);
         self.turn += 1;
         self.fails_since.get_or_insert(now);
         let is_hopeless = self.is_hopeless(now);
         let suspended = self.strike(worker, id, now);
+        let has_others = self.other_hosts(worker, now);
         let options = &self.options;
         let Some(stream) = self.streams.get_mut(&id) else {
             return ignored;
@@ -154,7 +158,7 @@ impl<P: Clone> Ledger<P> {
         if !failed.sample.is_none_or(is_missing) {
             return (Failure::Ignored, suspended);
         }
-        let before = stream.history.failures.min(options.max_failures - 1);
+        let before = stream.earlier_failures.min(options.max_failures - 1);
         let failing = stream.failing.entry(failed.sample);
         let failing = failing.or_insert_with(|| FailedAttempts {
             attempts: before,
@@ -166,12 +170,14 @@ impl<P: Clone> Ledger<P> {
             // failed for the same reason.
             return (Failure::Ignored, suspended);
         }
-        stream.history.failures = 0;
+        stream.earlier_failures = 0;
+        failing.hosts.insert(host);
         // The first failure counts, since it has to be explained.
         failing.counted += u32::from(failing.attempts == 0 || failing.turn < succeeded_at);
         failing.attempts += 1;
         failing.turn = self.turn;
-        let is_conclusive = failing.counted >= options.max_failures.max(1);
+        let is_conclusive = failing.counted >= options.max_failures.max(1)
+            && (failing.hosts.len() > 1 || !has_others);
         let is_over = is_hopeless && failing.attempts >= options.max_failures.max(1);
         let growth = RETRY_GROWTH.saturating_pow(failing.attempts - 1);
         let wait = options.retry_after.saturating_mul(growth);
@@ -194,6 +200,27 @@ impl<P: Clone> Ledger<P> {
             false => Failure::Retry(wait),
         };
         (failure, suspended)
+    }
+
+    /// Whether a worker on another host could compute what this worker fails.
+    pub(crate) fn other_hosts(&self, worker: &WorkerId, now: Duration) -> bool {
+        let host = self.workers.known.get(worker).map(|state| &state.host);
+        let mut present = self.workers.present(2 * self.options.lease, now);
+        present.any(|other| {
+            let can_work = !other.is_leaving && !other.is_suspended(now);
+            can_work && Some(&other.host) != host
+        })
+    }
+
+    /// Whether a sample of a stream has failed on this host alone, so often that only another host can tell whether the
+    /// sample or the host is at fault.
+    pub(crate) fn has_failed_enough(&self, id: StreamId, host: &str) -> bool {
+        let failing = self.streams.get(&id).map(|stream| &stream.failing);
+        let mut failing = failing.into_iter().flat_map(BTreeMap::values);
+        failing.any(|failing| {
+            failing.counted >= self.options.max_failures.max(1)
+                && failing.hosts.iter().all(|failed| **failed == *host)
+        })
     }
 
     /// Counts a failure against a worker. Returns the end of the suspension if that suspends it.
@@ -221,17 +248,5 @@ impl<P: Clone> Ledger<P> {
             return None;
         }
         self.workers.suspend(worker, &self.options, now)
-    }
-
-    /// Takes back the crash of a worker that was only silent.
-    pub(crate) fn take_crash_back(&mut self, worker: &WorkerId, id: StreamId) {
-        let Some(stream) = self.streams.get_mut(&id) else {
-            return;
-        };
-        stream.crashed_on_it.remove(worker);
-        let for_crashes = stream.quarantined.as_ref().is_some_and(|g| g.for_crashes);
-        if for_crashes && stream.crashes() < self.options.max_crashes.max(1) {
-            self.reopen(id);
-        }
     }
 }

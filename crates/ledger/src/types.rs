@@ -1,5 +1,6 @@
 //! Identifiers, inputs and outputs of a ledger.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::Range;
 use std::sync::Arc;
@@ -178,11 +179,20 @@ pub struct Unit {
     pub samples: Range<u32>,
 }
 
-/// Crashes and failures of a stream before a restart.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+/// The death of a worker that held a stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Death {
+    /// Whether the worker held no other stream. Only such a death counts against the stream.
+    pub is_alone: bool,
+    /// The first sample that the worker held of the stream.
+    pub first: u32,
+}
+
+/// Deaths and failures of a stream before a restart.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct History {
-    /// Worker processes that crashed on the stream since it was last quarantined or retried.
-    pub crashes: usize,
+    /// The workers that died while they held the stream, since it was last quarantined or retried.
+    pub deaths: BTreeMap<WorkerId, Death>,
     /// Failures since then.
     pub failures: u32,
 }
@@ -200,7 +210,7 @@ pub struct StreamDemand<P> {
     pub samples: u32,
     /// Those of the wanted samples that are not stored: disjoint, ascending.
     pub missing: Vec<Range<u32>>,
-    /// Crashes and failures before a restart.
+    /// Deaths and failures before a restart.
     pub history: History,
     /// Whether a failure that repeats while others succeed is a result of the stream, reported as
     /// [`Failure::Conclusive`], and no reason to quarantine it.
@@ -219,9 +229,6 @@ pub struct Grant<P> {
     /// Whether the lease is a control: its unit was computed before, and its result tells only
     /// whether the worker can compute anything.
     pub is_control: bool,
-    /// Whether an earlier lease of one of the streams expired. The worker should then report at
-    /// once that it has started, so that a crash can be attributed.
-    pub announce: bool,
 }
 
 /// The ledger's verdict on a result.
@@ -276,19 +283,18 @@ pub enum Failure {
     Ignored,
 }
 
-/// A lease that expired after its worker had started: possibly a crash.
+/// A stream that a worker held when it died.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Crash {
     /// The lease.
     pub lease: LeaseId,
     /// The worker.
     pub worker: WorkerId,
-    /// The first stream of the lease.
+    /// The stream.
     pub stream: StreamId,
-    /// Whether the lease had several streams. The crash then counts against none of them, and each
-    /// gets leases of its own from now on.
-    pub is_split: bool,
-    /// Whether the crash quarantined the stream.
+    /// The death.
+    pub death: Death,
+    /// Whether the death quarantined the stream.
     pub quarantined: bool,
 }
 
@@ -324,7 +330,7 @@ pub struct WorkerStatus {
     pub delivered: u64,
     /// Failures that it reported.
     pub failed: u64,
-    /// Its leases that expired after it had started them.
+    /// Number of times that it vanished while it held leases.
     pub crashed: u64,
     /// The end of its suspension, if it is suspended.
     pub suspended_until: Option<Duration>,

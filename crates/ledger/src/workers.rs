@@ -1,6 +1,7 @@
 //! The registered workers and their suspensions.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::options::Options;
@@ -11,7 +12,7 @@ const MAX_DOUBLINGS: u32 = 5;
 
 #[derive(Debug, Clone)]
 pub(crate) struct Worker {
-    pub(crate) host: String,
+    pub(crate) host: Arc<str>,
     pub(crate) slots: usize,
     pub(crate) held: BTreeSet<LeaseId>,
     /// The streams that the worker failed since its last delivery.
@@ -30,12 +31,16 @@ pub(crate) struct Worker {
     pub(crate) failed: u64,
     pub(crate) crashed: u64,
     pub(crate) last_seen: Duration,
+    /// The last call that only a living worker makes.
+    pub(crate) last_heard: Duration,
+    /// Whether it was taken for dead and has not called since.
+    pub(crate) has_vanished: bool,
 }
 
 impl Worker {
     pub(crate) fn new(host: &str, slots: usize) -> Self {
         Self {
-            host: host.to_owned(),
+            host: host.into(),
             slots: slots.max(1),
             held: BTreeSet::new(),
             strikes: BTreeSet::new(),
@@ -48,6 +53,8 @@ impl Worker {
             failed: 0,
             crashed: 0,
             last_seen: Duration::ZERO,
+            last_heard: Duration::ZERO,
+            has_vanished: false,
         }
     }
 
@@ -145,13 +152,15 @@ impl Workers {
         }
     }
 
-    /// The workers that called within `recently`.
+    /// The workers that called within `recently` and have not vanished.
     pub(crate) fn present(
         &self,
         recently: Duration,
         now: Duration,
     ) -> impl Iterator<Item = &Worker> {
-        let is_present = move |worker: &&Worker| now.saturating_sub(worker.last_seen) <= recently;
+        let is_present = move |worker: &&Worker| {
+            !worker.has_vanished && now.saturating_sub(worker.last_seen) <= recently
+        };
         self.known.values().filter(is_present)
     }
 }

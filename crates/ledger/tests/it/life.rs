@@ -1,6 +1,8 @@
 //! The life of streams and leases, case by case.
 
-use ledger::{Delivery, Failure, Generation, Ledger, Options, StreamId, Verdict};
+use std::collections::{BTreeSet, VecDeque};
+
+use ledger::{Delivery, Failure, Generation, Grant, Ledger, Options, StreamId, Verdict};
 
 use crate::{LEASE, all_of, at, beat, failure_of, lease_all, ledger, units, wanted, worker};
 
@@ -55,36 +57,138 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
     assert!(rest.lease.number > grant.lease.number);
 }
 
-/// Each worker dies as soon as it begins with the deadly design, and the next one is started at once.
-/// Workers die faster than leases expire, so the leases of the dead are doubled.
-#[test]
-fn a_design_that_kills_its_workers_at_once_kills_few_of_them() {
-    // The first design would be cut, since the cost of a sample is not known yet.
-    for deadly in (1..20).map(StreamId::design) {
-        let mut ledger = ledger(Options::default(), 20, 25, &[]);
-        let mut deaths = 0;
-        for now in (0..).map(|tenths| at(0.1 * f64::from(tenths))) {
-            ledger.expire(now);
-            let name = deaths.to_string();
-            ledger.register(&worker(&name), "here", 1, now);
-            while let Some(grant) = ledger.lease(&worker(&name), now) {
-                if units(&grant).iter().any(|unit| unit.stream == deadly) {
-                    if grant.announce {
-                        beat(&mut ledger, &name, &[&grant], now);
-                    }
-                    deaths += 1;
-                    break;
-                }
-                ledger.deliver(&worker(&name), grant.lease, &all_of(&grant), now);
+/// A worker that computes its leases in order, as many at a time as it has slots, and dies with a deadly design.
+/// Another is started at once; what the dead one held is free 2.5 s after its death.
+fn deaths_of(slots: usize, deadly: &[StreamId]) -> (usize, BTreeSet<StreamId>) {
+    let mut ledger = ledger(Options::default(), 20, 25, &[]);
+    let mut deaths = 0;
+    let mut now = at(0.0);
+    loop {
+        let name = deaths.to_string();
+        ledger.register(&worker(&name), "here", slots, now);
+        let mut held: VecDeque<Grant<()>> = VecDeque::new();
+        loop {
+            // It holds some leases ahead.
+            while held.len() < slots + 2
+                && let Some(grant) = ledger.lease(&worker(&name), now)
+            {
+                held.push_back(grant);
             }
-            assert!(deaths <= 8, "{deaths} workers died on {deadly:?}");
-            if ledger.quarantined().count() > 0 {
+            let mut begun = held.iter().take(slots).flat_map(units);
+            if begun.any(|unit| deadly.contains(&unit.stream)) {
                 break;
             }
+            let Some(grant) = held.pop_front() else {
+                let quarantined = ledger.quarantined().map(|(id, _)| id);
+                return (deaths, quarantined.collect());
+            };
+            now += at(0.01);
+            ledger.deliver(&worker(&name), grant.lease, &all_of(&grant), now);
         }
-        let quarantined: Vec<StreamId> = ledger.quarantined().map(|(id, _)| id).collect();
-        assert_eq!(quarantined, [deadly]);
+        deaths += 1;
+        now += at(2.5);
+        ledger.vanish(&worker(&name), now);
+        ledger.check();
+        assert!(deaths < 100, "it never ends");
     }
+}
+
+#[test]
+fn a_design_that_kills_its_workers_kills_few_of_them_and_takes_no_other_along() {
+    for slots in [1, 2, 16] {
+        for deadly in 0..20 {
+            let deadly = [StreamId::design(deadly)];
+            let (deaths, quarantined) = deaths_of(slots, &deadly);
+            assert!(
+                deaths <= 5,
+                "{deaths} workers of {slots} slots died on {deadly:?}"
+            );
+            assert_eq!(quarantined, BTreeSet::from(deadly));
+        }
+        for several in [vec![0, 1, 2], vec![3, 9, 17], (2..13).collect()] {
+            let deadly: Vec<StreamId> = several.into_iter().map(StreamId::design).collect();
+            let (deaths, quarantined) = deaths_of(slots, &deadly);
+            assert!(deaths <= 5 * deadly.len(), "{deaths} for {deadly:?}");
+            assert_eq!(quarantined, deadly.into_iter().collect());
+        }
+    }
+}
+
+#[test]
+fn a_worker_that_was_only_silent_takes_its_deaths_back() {
+    let options = Options {
+        max_crashes: 1,
+        ..alone()
+    };
+    let mut ledger = ledger(options, 1, 10, &["a"]);
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let [crash] = &ledger.vanish(&worker("a"), at(3.0))[..] else {
+        panic!("one stream")
+    };
+    assert!(crash.quarantined && crash.death.is_alone);
+    assert_eq!(beat(&mut ledger, "a", &[&grant], at(4.0)), []);
+    assert_eq!(ledger.quarantined().count(), 0);
+    ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(5.0));
+    assert!(ledger.is_idle() && !ledger.has_work());
+}
+
+#[test]
+fn a_note_of_what_was_begun_replaces_what_was_guessed() {
+    let mut ledger = ledger(alone(), 3, 10, &["a"]);
+    ledger.register(&worker("a"), "here", 3, at(0.0));
+    let held = lease_all(&mut ledger, "a", at(0.0));
+    assert_eq!(ledger.vanish(&worker("a"), at(3.0)).len(), 3);
+    let begun = [(held[1].lease, units(&held[1])[0].clone())];
+    for _ in 0..2 {
+        // The note may come twice.
+        let [crash] = &ledger.bury(&worker("a"), &begun)[..] else {
+            panic!("one stream")
+        };
+        assert_eq!(crash.stream, StreamId::design(1));
+        assert!(crash.death.is_alone);
+    }
+    ledger.register(&worker("b"), "here", 1, at(4.0));
+    let free = lease_all(&mut ledger, "b", at(4.0));
+    let free: Vec<StreamId> = free.iter().map(|grant| units(grant)[0].stream).collect();
+    assert_eq!(
+        free,
+        [0, 2].map(StreamId::design),
+        "the suspect comes alone"
+    );
+}
+
+/// A machine that is switched off every evening, in the middle of the same stream.
+#[test]
+fn deaths_with_a_success_in_between_are_not_the_streams_fault() {
+    let mut ledger = ledger(alone(), 1, 10, &[]);
+    for day in 0..10 {
+        let name = day.to_string();
+        let now = at(100.0 * f64::from(day));
+        ledger.register(&worker(&name), "here", 1, now);
+        let grant = ledger.lease(&worker(&name), now).unwrap();
+        let mut part = all_of(&grant);
+        part.stored[0].samples.end = part.stored[0].samples.start + 1;
+        ledger.deliver(&worker(&name), grant.lease, &part, now);
+        ledger.lease(&worker(&name), now);
+        assert!(
+            ledger
+                .vanish(&worker(&name), now + at(3.0))
+                .iter()
+                .all(|crash| !crash.quarantined)
+        );
+    }
+    assert_eq!(ledger.counts().free, 0, "all of it is stored");
+}
+
+#[test]
+fn a_lease_that_its_worker_never_got_is_nobodys_death() {
+    let mut ledger = ledger(alone(), 1, 10, &["a"]);
+    ledger.lease(&worker("a"), at(0.0)).unwrap();
+    for beats in 1..8 {
+        beat(&mut ledger, "a", &[], at(5.0 * f64::from(beats)));
+        assert_eq!(ledger.expire(at(5.0 * f64::from(beats))), []);
+    }
+    assert!(ledger.lease(&worker("a"), at(36.0)).is_some());
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use ledger::{
-    Delivery, Failure, Generation, Grant, LeaseId, Ledger, Options, StreamId, Unit, Verdict,
+    Crash, Delivery, Failure, Generation, Grant, LeaseId, Ledger, Options, StreamId, Unit, Verdict,
     WorkerId,
 };
 use proptest::prelude::*;
@@ -44,6 +44,8 @@ enum Call {
         which: usize,
     },
     Leave(usize),
+    Vanish(usize),
+    Bury(usize),
     /// Time passes, in lease times.
     Pass(f64),
     Drain(bool),
@@ -65,7 +67,9 @@ fn call() -> impl Strategy<Value = Call> {
             .prop_map(|(who, which)| Call::DeliverForeign { who, which }),
         3 => (who.clone(), which.clone()).prop_map(|(who, which)| Call::Fail { who, which }),
         2 => (who.clone(), which).prop_map(|(who, which)| Call::Release { who, which }),
-        1 => who.prop_map(Call::Leave),
+        1 => who.clone().prop_map(Call::Leave),
+        2 => who.clone().prop_map(Call::Vanish),
+        1 => who.prop_map(Call::Bury),
         4 => (0.0..1.5).prop_map(Call::Pass),
         1 => any::<bool>().prop_map(Call::Drain),
         1 => Just(Call::Retry),
@@ -86,7 +90,7 @@ struct World {
     held: Vec<Vec<Grant<()>>>,
     /// Every lease ever granted.
     names: BTreeSet<LeaseId>,
-    crashed: BTreeMap<StreamId, BTreeSet<WorkerId>>,
+    died_alone: BTreeMap<StreamId, BTreeSet<WorkerId>>,
     log: Vec<String>,
 }
 
@@ -112,7 +116,7 @@ impl World {
             stored: BTreeMap::new(),
             held: vec![Vec::new(); WORKERS],
             names: BTreeSet::new(),
-            crashed: BTreeMap::new(),
+            died_alone: BTreeMap::new(),
             log: Vec::new(),
         };
         world.restart();
@@ -122,7 +126,7 @@ impl World {
     fn restart(&mut self) {
         self.epoch += 1;
         self.ledger = Ledger::new(Options::default(), self.epoch);
-        self.crashed.clear();
+        self.died_alone.clear();
         for stream in 0..STREAMS {
             self.want(id(stream));
         }
@@ -186,6 +190,19 @@ impl World {
         }
         let answer = self.ledger.deliver(&name(who), lease, &delivery, self.now);
         self.log.push(format!("{answer:?}"));
+    }
+
+    fn mourn(&mut self, crashes: Vec<Crash>) {
+        for crash in crashes {
+            if crash.death.is_alone {
+                let died = self.died_alone.entry(crash.stream).or_default();
+                died.insert(crash.worker.clone());
+                let enough = Options::default().max_crashes;
+                assert!(!crash.quarantined || died.len() >= enough, "{crash:?}");
+            }
+            assert!(crash.death.is_alone || !crash.quarantined, "{crash:?}");
+            self.log.push(format!("{crash:?}"));
+        }
     }
 
     fn act(&mut self, call: &Call) {
@@ -260,18 +277,22 @@ impl World {
             Call::Leave(who) => self.ledger.leaves(&name(who), self.now),
             Call::Pass(leases) => {
                 self.now += LEASE.mul_f64(leases);
-                for vanished in self.ledger.expire(self.now) {
-                    if !vanished.is_split {
-                        let crashed = self.crashed.entry(vanished.stream).or_default();
-                        crashed.insert(vanished.worker.clone());
-                        let enough = Options::default().max_crashes;
-                        assert!(
-                            !vanished.quarantined || crashed.len() >= enough,
-                            "{vanished:?}"
-                        );
-                    }
-                    self.log.push(format!("{vanished:?}"));
-                }
+                let crashes = self.ledger.expire(self.now);
+                self.mourn(crashes);
+            }
+            Call::Vanish(who) => {
+                let crashes = self.ledger.vanish(&name(who), self.now);
+                self.mourn(crashes);
+            }
+            Call::Bury(who) => {
+                let held = self.held[who].iter();
+                let begun =
+                    held.flat_map(|grant| units(grant).into_iter().map(|unit| (grant.lease, unit)));
+                let begun: Vec<(LeaseId, Unit)> = begun.take(1).collect();
+                let crashes = self.ledger.bury(&name(who), &begun);
+                self.mourn(crashes);
+                self.held[who].clear();
+                self.ledger.register(&name(who), "here", 2, self.now);
             }
             Call::Drain(is_draining) => self.ledger.set_draining(is_draining),
             Call::Retry => {
@@ -280,7 +301,7 @@ impl World {
             }
             Call::Change(stream) => {
                 *self.generations.get_mut(&id(stream)).expect("it is there") += 1;
-                self.crashed.remove(&id(stream));
+                self.died_alone.remove(&id(stream));
                 self.want(id(stream));
             }
             Call::Restart => self.restart(),

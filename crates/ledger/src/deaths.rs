@@ -1,0 +1,167 @@
+//! Deaths of workers, and the streams that are suspected of them.
+//!
+//! A worker that dies holds leases, and any of their streams may be the cause. A death counts against a stream only if
+//! its worker held no other. Otherwise all of them are suspects: each gets leases of its own, and one that was present
+//! at two deaths is computed alone: by a worker that holds nothing else, once other work is leased. The next death then
+//! shows whether it was the cause, and costs no other stream anything.
+//!
+//! Deaths count by the first sample of the unit that was held: two deaths with a success in between have different
+//! causes, for example a machine that is switched off every evening.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use crate::ledger::Ledger;
+use crate::state::Stream;
+use crate::types::{Crash, Death, LeaseId, StreamId, Unit, WorkerId};
+
+impl<P> Stream<P> {
+    /// The largest number of deaths at one sample: those suffered alone, and all.
+    fn worst(&self) -> (usize, usize) {
+        let mut at: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
+        for death in self.deaths.values() {
+            let (alone, all) = at.entry(death.first).or_default();
+            *alone += usize::from(death.is_alone);
+            *all += 1;
+        }
+        let alone = at.values().map(|(alone, _)| *alone).max();
+        let all = at.values().map(|(_, all)| *all).max();
+        (alone.unwrap_or(0), all.unwrap_or(0))
+    }
+
+    /// Number of deaths that count against the stream.
+    pub(crate) fn crashes(&self) -> usize {
+        self.worst().0
+    }
+
+    /// Whether the stream is computed only by a worker that holds nothing else.
+    pub(crate) fn is_isolated(&self) -> bool {
+        let (alone, all) = self.worst();
+        alone > 0 || all > 1
+    }
+}
+
+impl<P: Clone> Ledger<P> {
+    /// Whether a stream is computed only by a worker that holds nothing else.
+    pub(crate) fn is_isolated(&self, id: StreamId) -> bool {
+        let stream = self.streams.get(&id);
+        stream.is_some_and(|stream| !stream.deaths.is_empty() && stream.is_isolated())
+    }
+
+    /// Whether the worker holds a stream that is computed alone.
+    pub(crate) fn holds_isolated(&self, worker: &WorkerId) -> bool {
+        let held = self.workers.known.get(worker).map(|state| &state.held);
+        let mut held = held.into_iter().flatten();
+        // A worker with such a lease holds no other.
+        let (Some(id), None) = (held.next(), held.next()) else {
+            return false;
+        };
+        let units = self.leases.get(id).map(|lease| &lease.units);
+        let mut units = units.into_iter().flatten();
+        units.any(|unit| self.is_isolated(unit.stream))
+    }
+
+    /// Ends the leases of a worker that has died, as far as can be told from outside. All of them were open. If the
+    /// worker calls again, the deaths are taken back, and it goes on with what is still needed.
+    pub fn vanish(&mut self, worker: &WorkerId, now: Duration) -> Vec<Crash> {
+        let Some(state) = self.workers.known.get_mut(worker) else {
+            return Vec::new();
+        };
+        state.has_vanished = true;
+        let is_leaving = state.is_leaving;
+        let held: Vec<LeaseId> = state.held.iter().copied().collect();
+        let mut open = Vec::new();
+        for id in held {
+            if let Some(lease) = self.end(id) {
+                open.extend(lease.units.iter().cloned().map(|unit| (id, unit)));
+                self.lapsed.insert(id, lease);
+            }
+        }
+        self.clean(now);
+        match is_leaving {
+            true => Vec::new(),
+            false => self.blame(worker, open),
+        }
+    }
+
+    /// Counts the death of a worker that left a note of what it was computing. This replaces what
+    /// [`vanish`](Self::vanish) has counted for it. Units that are not missing any more are left out.
+    pub fn bury(&mut self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
+        self.exonerate(worker);
+        if let Some(state) = self.workers.known.remove(worker) {
+            for id in state.held {
+                self.end(id);
+            }
+            self.slots = None;
+        }
+        self.lapsed.retain(|_, lease| lease.worker != *worker);
+        let is_open = |unit: &Unit| !self.needed(std::slice::from_ref(unit)).is_empty();
+        let open = begun.iter().filter(|(_, unit)| is_open(unit)).cloned();
+        self.blame(worker, open.collect())
+    }
+
+    /// Counts a death against the streams of the units that were open.
+    fn blame(&mut self, worker: &WorkerId, open: Vec<(LeaseId, Unit)>) -> Vec<Crash> {
+        let mut first_of: BTreeMap<StreamId, (LeaseId, u32)> = BTreeMap::new();
+        for (lease, unit) in open {
+            let first = first_of.entry(unit.stream);
+            let first = first.or_insert((lease, unit.samples.start));
+            first.1 = first.1.min(unit.samples.start);
+        }
+        if let Some(state) = self.workers.known.get_mut(worker)
+            && !first_of.is_empty()
+        {
+            state.crashed += 1;
+        }
+        let is_alone = first_of.len() == 1;
+        let crash = |(stream, (lease, first)): (StreamId, (LeaseId, u32))| Crash {
+            lease,
+            worker: worker.clone(),
+            stream,
+            death: Death { is_alone, first },
+            quarantined: self.die(worker, stream, Death { is_alone, first }),
+        };
+        first_of.into_iter().map(crash).collect()
+    }
+
+    /// Counts a death against a stream. Returns whether that quarantined the stream.
+    fn die(&mut self, worker: &WorkerId, id: StreamId, death: Death) -> bool {
+        let Some(stream) = self.streams.get_mut(&id) else {
+            return false;
+        };
+        stream.deaths.insert(worker.clone(), death);
+        let crashes = stream.crashes();
+        let is_enough = crashes >= self.options.max_crashes.max(1);
+        if !is_enough || stream.quarantined.is_some() {
+            return false;
+        }
+        let error = format!("{crashes} workers died on it, the last was {worker}");
+        self.quarantine(id, error, true);
+        true
+    }
+
+    /// Takes the deaths of a worker back that was only silent.
+    pub(crate) fn exonerate(&mut self, worker: &WorkerId) {
+        if let Some(state) = self.workers.known.get_mut(worker) {
+            state.has_vanished = false;
+        }
+        let has_died_on = |stream: &Stream<P>| stream.deaths.contains_key(worker);
+        let of_it = self.streams.iter();
+        let of_it = of_it.filter(|(_, stream)| has_died_on(stream));
+        for id in of_it.map(|(id, _)| *id).collect::<BTreeSet<_>>() {
+            self.take_death_back(worker, id);
+        }
+    }
+
+    /// Takes the death of a worker back that has delivered a stream after all.
+    pub(crate) fn take_death_back(&mut self, worker: &WorkerId, id: StreamId) {
+        let Some(stream) = self.streams.get_mut(&id) else {
+            return;
+        };
+        stream.deaths.remove(worker);
+        let for_crashes = stream.quarantined.as_ref().is_some_and(|g| g.for_crashes);
+        if for_crashes && stream.crashes() < self.options.max_crashes.max(1) {
+            self.reopen(id);
+        }
+    }
+}
