@@ -238,7 +238,9 @@ CREATE TABLE stage_time (
 CREATE TABLE failure (
     failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
     stream     INTEGER NOT NULL,
-    -- Whether the lease had other streams, too, any of which may be the cause.
+    -- The first sample that failed or was held; NULL for a failure of the stream as a whole.
+    sample     INTEGER CHECK (sample >= 0),
+    -- Whether the worker that died held other streams, too, any of which may be the cause.
     shared     INTEGER NOT NULL CHECK (shared IN (0, 1)),
     -- The number of the lease under which it happened.
     lease      INTEGER NOT NULL CHECK (lease >= 0),

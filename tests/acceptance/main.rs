@@ -10,6 +10,7 @@ mod campaign;
 mod chaos;
 mod cluster;
 mod commands;
+mod deaths;
 mod deploy;
 mod enriched;
 mod example;

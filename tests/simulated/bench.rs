@@ -176,6 +176,7 @@ pub(crate) fn introduction(worker: &str) -> RegisterRequest {
         model_digest: digest().to_owned(),
         slots: 1,
         held: Vec::new(),
+        died: Vec::new(),
     }
 }
 

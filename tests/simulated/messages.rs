@@ -214,6 +214,7 @@ fn nonsense() -> impl Strategy<Value = Vec<u8>> {
                 model_digest,
                 slots,
                 held,
+                died: Vec::new(),
             }
             .encode_to_vec()
         },

@@ -160,6 +160,7 @@ fn options(host: &str) -> Options {
         connect_timeout: Duration::from_secs(600),
         give_up_after: Duration::from_secs(600),
         undelivered: None,
+        journal: None,
         grace: Duration::from_secs(1),
         max_runtime: None,
         idle_exit: None,

@@ -101,7 +101,7 @@ impl<P: Clone> Ledger<P> {
     fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
         let state = self.workers.known.get(worker)?;
         let is_for_others = |id: &StreamId| {
-            self.has_failed_enough(*id, &state.host) && self.other_hosts(worker, now)
+            self.has_failed_enough(*id, &state.host) && self.other_machines(worker, now)
         };
         let rank = |id: StreamId| (self.is_isolated(id), state.strikes.contains(&id));
         let mut best = None;

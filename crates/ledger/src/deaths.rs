@@ -85,7 +85,8 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Counts the death of a worker that left a note of what it was computing. This replaces what
-    /// [`vanish`](Self::vanish) has counted for it. Units that are not missing any more are left out.
+    /// [`vanish`](Self::vanish) has counted for it. Units that are not missing any more are left out; those of streams
+    /// that are not wanted yet are returned, for their [`History`](crate::History).
     pub fn bury(&mut self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
         self.exonerate(worker);
         if let Some(state) = self.workers.known.remove(worker) {
@@ -95,7 +96,10 @@ impl<P: Clone> Ledger<P> {
             self.slots = None;
         }
         self.lapsed.retain(|_, lease| lease.worker != *worker);
-        let is_open = |unit: &Unit| !self.needed(std::slice::from_ref(unit)).is_empty();
+        let is_open = |unit: &Unit| match self.streams.contains_key(&unit.stream) {
+            true => !self.needed(std::slice::from_ref(unit)).is_empty(),
+            false => !self.settled.contains_key(&unit.stream),
+        };
         let open = begun.iter().filter(|(_, unit)| is_open(unit)).cloned();
         self.blame(worker, open.collect())
     }

@@ -39,8 +39,8 @@ pub(crate) struct FailedAttempts {
     pub(crate) attempts: u32,
     /// Number of those that count against the sample.
     pub(crate) counted: u32,
-    /// The hosts of the workers that failed.
-    pub(crate) hosts: BTreeSet<Arc<str>>,
+    /// The machines of the workers that failed.
+    pub(crate) machines: BTreeSet<Arc<str>>,
     /// The turn of the last one; see [`Ledger::turn`](crate::Ledger).
     pub(crate) turn: u64,
     /// The end of the wait after it.

@@ -12,6 +12,11 @@ use crate::types::{Failure, FailureReport, Generation, LeaseId, StreamId, Unit, 
 /// Factor by which each wait after a failure is longer than the one before.
 const RETRY_GROWTH: u32 = 4;
 
+/// The machine of a host, which is named `MACHINE:PROCESS`.
+fn machine(host: &str) -> &str {
+    host.rsplit_once(':').map_or(host, |(machine, _)| machine)
+}
+
 impl<P: Clone> Ledger<P> {
     /// Updates the set of free streams after any change to a stream.
     pub(crate) fn file(&mut self, id: StreamId) {
@@ -143,12 +148,12 @@ impl<P: Clone> Ledger<P> {
         }
         state.failed += 1;
         let succeeded_at = state.succeeded_at;
-        let host = Arc::clone(&state.host);
+        let machine = Arc::from(machine(&state.host));
         self.turn += 1;
         self.fails_since.get_or_insert(now);
         let is_hopeless = self.is_hopeless(now);
         let suspended = self.strike(worker, id, now);
-        let has_others = self.other_hosts(worker, now);
+        let has_others = self.other_machines(worker, now);
         let options = &self.options;
         let Some(stream) = self.streams.get_mut(&id) else {
             return ignored;
@@ -171,13 +176,13 @@ impl<P: Clone> Ledger<P> {
             return (Failure::Ignored, suspended);
         }
         stream.earlier_failures = 0;
-        failing.hosts.insert(host);
+        failing.machines.insert(machine);
         // The first failure counts, since it has to be explained.
         failing.counted += u32::from(failing.attempts == 0 || failing.turn < succeeded_at);
         failing.attempts += 1;
         failing.turn = self.turn;
         let is_conclusive = failing.counted >= options.max_failures.max(1)
-            && (failing.hosts.len() > 1 || !has_others);
+            && (failing.machines.len() > 1 || !has_others);
         let is_over = is_hopeless && failing.attempts >= options.max_failures.max(1);
         let growth = RETRY_GROWTH.saturating_pow(failing.attempts - 1);
         let wait = options.retry_after.saturating_mul(growth);
@@ -202,24 +207,27 @@ impl<P: Clone> Ledger<P> {
         (failure, suspended)
     }
 
-    /// Whether a worker on another host could compute what this worker fails.
-    pub(crate) fn other_hosts(&self, worker: &WorkerId, now: Duration) -> bool {
+    /// Whether a worker on another machine could compute what this worker fails.
+    pub(crate) fn other_machines(&self, worker: &WorkerId, now: Duration) -> bool {
         let host = self.workers.known.get(worker).map(|state| &state.host);
         let mut present = self.workers.present(2 * self.options.lease, now);
         present.any(|other| {
             let can_work = !other.is_leaving && !other.is_suspended(now);
-            can_work && Some(&other.host) != host
+            can_work && host.is_some_and(|host| machine(host) != machine(&other.host))
         })
     }
 
-    /// Whether a sample of a stream has failed on this host alone, so often that only another host can tell whether the
-    /// sample or the host is at fault.
+    /// Whether a sample of a stream has failed on this machine alone, so often that only another one can tell whether the
+    /// sample or the machine is at fault.
     pub(crate) fn has_failed_enough(&self, id: StreamId, host: &str) -> bool {
         let failing = self.streams.get(&id).map(|stream| &stream.failing);
         let mut failing = failing.into_iter().flat_map(BTreeMap::values);
         failing.any(|failing| {
             failing.counted >= self.options.max_failures.max(1)
-                && failing.hosts.iter().all(|failed| **failed == *host)
+                && failing
+                    .machines
+                    .iter()
+                    .all(|failed| **failed == *machine(host))
         })
     }
 

@@ -320,7 +320,7 @@ pub struct Counts {
 pub struct WorkerStatus {
     /// The worker.
     pub worker: WorkerId,
-    /// The host it runs on, for display.
+    /// The machine and the process it runs as, `MACHINE:PROCESS`.
     pub host: String,
     /// Number of leases it computes at once.
     pub slots: usize,

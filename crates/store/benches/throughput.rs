@@ -129,6 +129,7 @@ async fn fill(
 
     let failures = (0..10_000_u32).map(|i| FailureRow {
         stream: StreamId::design(i),
+        sample: None,
         shared: false,
         lease: 1,
         worker: format!("worker-{}", i % 100),

@@ -1,6 +1,8 @@
 //! Crashes, failures and quarantines.
 
-use ledger::StreamId;
+use std::collections::BTreeMap;
+
+use ledger::{Death, History, StreamId};
 
 use crate::Error;
 use crate::cause::{cause, first_line};
@@ -11,7 +13,7 @@ use crate::values::{StreamKey, key};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, sqlx::Type)]
 #[sqlx(rename_all = "lowercase")]
 pub enum FailureKind {
-    /// The lease expired after the job started.
+    /// The worker died while it held the stream.
     Crash,
     /// The job returned an error.
     Failure,
@@ -36,7 +38,9 @@ impl FailureKind {
 pub struct FailureRow {
     /// The stream.
     pub stream: StreamId,
-    /// Whether the lease had other streams, too, any of which may be the cause.
+    /// The first sample that failed, or that a dead worker held; `None` for a failure of the stream as a whole.
+    pub sample: Option<u32>,
+    /// Whether the worker that died held other streams, too, any of which may be the cause.
     pub shared: bool,
     /// The number of the lease.
     pub lease: u32,
@@ -51,19 +55,6 @@ pub struct FailureRow {
     pub error: String,
     /// The time in milliseconds since 1970 (UTC), if the caller records it.
     pub at_unix_ms: Option<i64>,
-}
-
-/// The recorded crashes and failures of a stream.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct StreamHistory {
-    /// The stream.
-    pub stream: StreamId,
-    /// The newest lease with a recorded event.
-    pub last_lease: u32,
-    /// Crashes since the stream was last quarantined.
-    pub crashes: u32,
-    /// Failures since the stream was last quarantined.
-    pub failures: u32,
 }
 
 /// Failures of one kind with one cause.
@@ -91,11 +82,12 @@ pub(crate) async fn insert(
 ) -> Result<bool, Error> {
     let (stream, serial) = (key(row.stream), row.serial.map(u64::cast_signed));
     let query = sqlx::query!(
-        "INSERT INTO failure (stream, shared, lease, worker, serial, kind, error, at_unix_ms)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?)
+        "INSERT INTO failure (stream, sample, shared, lease, worker, serial, kind, error, at_unix_ms)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
          ON CONFLICT (worker, serial) WHERE serial IS NOT NULL DO NOTHING
          RETURNING failure",
         stream,
+        row.sample,
         row.shared,
         row.lease,
         row.worker,
@@ -123,13 +115,14 @@ pub(crate) async fn insert(
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
     let query = sqlx::query!(
-        r#"SELECT stream AS "stream: StreamKey", shared AS "shared: bool", lease AS "lease: u32",
+        r#"SELECT stream AS "stream: StreamKey", sample AS "sample: u32", shared AS "shared: bool", lease AS "lease: u32",
                   worker, serial, kind AS "kind: FailureKind", error, at_unix_ms
            FROM failure ORDER BY failure"#
     );
     let rows = connection.all(query).await?;
     let failures = rows.into_iter().map(|row| FailureRow {
         stream: row.stream.0,
+        sample: row.sample,
         shared: row.shared,
         lease: row.lease,
         worker: row.worker,
@@ -156,31 +149,26 @@ pub(crate) async fn is_known(
     Ok(connection.one(query).await?.known)
 }
 
-/// The crashes and failures of each stream, without those of leases that had other streams, too.
+/// The deaths and failures of each stream since it was last quarantined.
 pub(crate) async fn histories(
     connection: &mut Connection<'_>,
-) -> Result<Vec<StreamHistory>, Error> {
-    let query = sqlx::query!(
-        r#"WITH quarantined AS (
-               SELECT stream, max(failure) AS last FROM failure WHERE kind = 'quarantine' GROUP BY stream
-           )
-           SELECT failure.stream AS "stream!: StreamKey",
-                  max(lease) AS "last_lease!: u32",
-                  count(DISTINCT CASE WHEN kind = 'crash' AND failure > coalesce(last, 0)
-                                      THEN worker END) AS "crashes!: u32",
-                  sum(kind = 'failure' AND failure > coalesce(last, 0)) AS "failures!: u32"
-           FROM failure LEFT JOIN quarantined ON quarantined.stream = failure.stream
-           WHERE NOT shared
-           GROUP BY failure.stream ORDER BY failure.stream"#
-    );
-    let rows = connection.all(query).await?;
-    let histories = rows.into_iter().map(|row| StreamHistory {
-        stream: row.stream.0,
-        last_lease: row.last_lease,
-        crashes: row.crashes,
-        failures: row.failures,
-    });
-    Ok(histories.collect())
+) -> Result<BTreeMap<StreamId, History>, Error> {
+    let mut histories: BTreeMap<StreamId, History> = BTreeMap::new();
+    for row in all(connection).await? {
+        let history = histories.entry(row.stream).or_default();
+        match row.kind {
+            FailureKind::Crash => {
+                let death = Death {
+                    is_alone: !row.shared,
+                    first: row.sample.unwrap_or(0),
+                };
+                history.deaths.insert(row.worker.as_str().into(), death);
+            }
+            FailureKind::Failure => history.failures += 1,
+            FailureKind::Quarantine => *history = History::default(),
+        }
+    }
+    Ok(histories)
 }
 
 /// The failures, grouped and ordered by kind and then by cause.

@@ -102,7 +102,7 @@ pub use designs::DesignRow;
 pub use error::Error;
 pub use evaluations::EvaluationRow;
 pub use fail_point::FailPoint;
-pub use failures::{FailureGroup, FailureKind, FailureRow, StreamHistory};
+pub use failures::{FailureGroup, FailureKind, FailureRow};
 pub use filesystem::network_file_system;
 pub use infill::InfillRow;
 pub use missing::MissingWork;

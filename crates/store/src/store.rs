@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use ledger::{Kind, StreamId};
+use ledger::{History, Kind, StreamId};
 
 use crate::Error;
 use crate::blocks::{SampleBlock, Streams};
@@ -15,7 +15,7 @@ use crate::criteria::{self, CriteriaRow};
 use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
 use crate::evaluations::{self, EvaluationRow};
-use crate::failures::{self, FailureGroup, FailureRow, StreamHistory};
+use crate::failures::{self, FailureGroup, FailureRow};
 use crate::generations;
 use crate::infill::{self, InfillRow};
 use crate::integrity::Integrity;
@@ -436,8 +436,8 @@ impl Store {
         failures::is_known(&mut self.reader().await?, worker, serial).await
     }
 
-    /// The crashes and failures of each stream, without those of leases that had other streams, too.
-    pub async fn stream_histories(&self) -> Result<Vec<StreamHistory>, Error> {
+    /// The deaths and failures of each stream since it was last quarantined.
+    pub async fn stream_histories(&self) -> Result<BTreeMap<StreamId, History>, Error> {
         failures::histories(&mut self.reader().await?).await
     }
 

@@ -66,18 +66,19 @@ fn main() -> ExitCode {
 /// Works until the campaign is finished or a signal comes, and returns the exit code.
 async fn work(arguments: Arguments) -> Result<u8, ProgramError> {
     let processors = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    // Without a home folder, the current folder is used.
+    let folder = arguments.undelivered.clone().unwrap_or_else(|| {
+        let state = runner::gateway::access::folder().unwrap_or_default();
+        state.join("undelivered")
+    });
     let options = Options {
         slots: arguments.slots.map_or(processors, usize::from),
         exec: arguments.simulator.exec(),
         host: host(),
         connect_timeout: Duration::from_secs(arguments.connect_timeout),
         give_up_after: Duration::from_secs(arguments.give_up_after),
-        // Without a home folder, the current folder is used.
-        undelivered: Some(arguments.undelivered.clone().unwrap_or_else(|| {
-            runner::gateway::access::folder()
-                .unwrap_or_default()
-                .join("undelivered")
-        })),
+        journal: Some((folder.clone(), "worker-".to_owned())),
+        undelivered: Some(folder),
         grace: Duration::from_secs(arguments.grace),
         max_runtime: arguments.max_runtime.map(Duration::from_secs),
         idle_exit: arguments.idle_exit.map(Duration::from_secs),
@@ -133,6 +134,7 @@ async fn compute_shard(
     ));
     let options = Options {
         undelivered: None,
+        journal: None,
         ..options
     };
     let worked = Worker::new(Link::local(dial), options).run(shutdown).await;
@@ -144,7 +146,5 @@ async fn compute_shard(
 
 /// The machine's name and the process id, for display.
 fn host() -> String {
-    let name = std::fs::read_to_string("/etc/hostname")
-        .map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned());
-    format!("{name}:{}", std::process::id())
+    format!("{}:{}", runner::worker::machine(), std::process::id())
 }

@@ -236,6 +236,7 @@ mod tests {
         const EXTERNAL: [Kind; 4] = [Kind::External, Kind::Licence, Kind::Problem, Kind::Files];
         let row = |kind| FailureRow {
             stream: StreamId::design(3),
+            sample: None,
             shared: false,
             lease: 1,
             worker: "w".to_owned(),

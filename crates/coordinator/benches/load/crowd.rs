@@ -159,6 +159,7 @@ async fn member(
             let request = HeartbeatRequest {
                 worker_id: worker_id.clone(),
                 held: Vec::new(),
+                died: Vec::new(),
             };
             let before = Instant::now();
             let answer = client.heartbeat(request).await?.into_inner();
@@ -184,5 +185,6 @@ pub(super) fn introduction(worker_id: &str, digest: &str) -> RegisterRequest {
         model_digest: digest.to_owned(),
         slots: 1,
         held: Vec::new(),
+        died: Vec::new(),
     }
 }

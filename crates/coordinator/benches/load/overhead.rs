@@ -140,7 +140,6 @@ fn bytes(problem: &Problem, points: &[Vec<f64>]) -> usize {
         },
         units,
         seconds: 1.0,
-        announce: false,
         is_control: false,
     };
     runner::protocol::lease(&grant).encoded_len() + result.encoded_len()

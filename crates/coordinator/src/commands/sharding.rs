@@ -161,7 +161,12 @@ async fn engine(
     }
     let options = board::options(problem.campaign());
     let board = Arc::new(Board::new(options, rand::random()));
-    board.remember(store.stream_histories().await?);
+    // What workers died on is of no use here: nobody knows which parts of a shard are computed at the same time.
+    let mut histories = store.stream_histories().await?;
+    histories
+        .values_mut()
+        .for_each(|history| history.deaths.clear());
+    board.remember(histories);
     let engine = Engine::new(
         Arc::clone(problem),
         model_digest.as_deref(),
@@ -324,6 +329,7 @@ async fn store_parts(
             model_digest: part.header.model_digest.clone(),
             slots: 1,
             held: vec![held],
+            died: Vec::new(),
         };
         let named = || part.path.display().to_string();
         let registered = service.register(Request::new(introduction)).await;

@@ -282,3 +282,32 @@ fn nothing_is_over_while_what_was_leased_before_may_succeed() {
         "{said:?}"
     );
 }
+
+/// A machine without a library that the simulator needs fails what another computes. Its other samples succeed, so that
+/// the control proves nothing against it.
+#[test]
+fn a_sample_that_fails_on_one_machine_is_tried_on_another() {
+    let mut ledger = ledger(alone(), 20, 1, &[]);
+    for (name, host) in [("bad", "node1:7"), ("too", "node1:8"), ("good", "node2:7")] {
+        ledger.register(&worker(name), host, 1, at(0.0));
+    }
+    let mut failures = 0;
+    for turn in 1..400 {
+        let now = at(0.5 * f64::from(turn));
+        // The good worker is slow.
+        let name = ["bad", "too", "good"][if turn % 40 == 0 { 2 } else { turn as usize % 2 }];
+        let Some(grant) = ledger.lease(&worker(name), now) else {
+            continue;
+        };
+        let delivery = match units(&grant)[0].stream.index {
+            0 if name != "good" => failure_of(&grant),
+            _ => all_of(&grant),
+        };
+        failures += delivery.failed.len();
+        ledger.deliver(&worker(name), grant.lease, &delivery, now);
+        ledger.check();
+    }
+    assert!(failures >= 3, "{failures}");
+    assert_eq!(ledger.quarantined().count(), 0);
+    assert_eq!(ledger.counts().free + ledger.counts().waiting, 0);
+}

@@ -1,9 +1,10 @@
 //! The ledger behind a lock, with real time and notifications. The service and the engine share it.
 //!
-//! `jobs` has the calls of the engine, `workers` those of workers, and `clients` those of the status, `drain` and
+//! `jobs` has the calls of the engine, `workers` those of workers, `connections` notices their deaths, and `clients` has those of the status, `drain` and
 //! `retry`.
 
 mod clients;
+mod connections;
 mod jobs;
 mod workers;
 
@@ -19,6 +20,7 @@ use tokio::sync::Notify;
 use tokio::time::Instant;
 
 use crate::coordinator::pace::Rates;
+use connections::Connections;
 
 pub use workers::{ReportGuard, Room};
 
@@ -35,8 +37,9 @@ pub enum Course {
 
 struct Inner {
     ledger: Ledger<Arc<Source>>,
-    /// Crashes and failures before this coordinator started, by stream name.
+    /// Deaths and failures before this coordinator started, of streams that are not wanted yet.
     histories: BTreeMap<StreamId, History>,
+    connections: Connections,
     rates: Rates,
     /// Progress of the searches on an external simulator.
     searches: Vec<Progress>,
@@ -83,6 +86,7 @@ impl Board {
             inner: Mutex::new(Inner {
                 ledger: Ledger::new(options, epoch),
                 histories: BTreeMap::new(),
+                connections: Connections::default(),
                 rates: Rates::default(),
                 searches: Vec::new(),
                 reporting: BTreeSet::new(),

@@ -1,4 +1,4 @@
-//! The expiry of leases.
+//! The expiry of leases, and the record of deaths.
 
 use std::time::Duration;
 
@@ -14,6 +14,8 @@ use crate::coordinator::recorder::Recorder;
 
 /// Interval between checks for expired leases.
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
+/// Maximum number of jobs that the log names of a worker that died.
+const NAMED: usize = 8;
 
 /// Ends expired leases until it is dropped, and records the possible crashes.
 pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<(), store::Error> {
@@ -33,13 +35,7 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
         }
         last = now;
         if now >= patient_until {
-            for vanished in board.expire() {
-                let batch = Batch {
-                    failures: vec![failure(vanished)],
-                    ..Batch::default()
-                };
-                recorder.record(batch).await?;
-            }
+            record(board.expire(), recorder).await?;
         }
         // This line is reached only while the board's lock is available and the writer makes
         // progress.
@@ -47,33 +43,51 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
     }
 }
 
-fn failure(vanished: Crash) -> FailureRow {
-    let Crash {
-        lease,
-        worker,
-        stream,
-        is_split,
-        quarantined,
-    } = vanished;
-    let job = names::job_name(stream, &(0..0));
-    let (kind, error) = if quarantined {
-        error!(%job, %worker, "too many workers vanished: quarantined");
-        (
-            FailureKind::Quarantine,
-            "its workers vanished while they computed it",
-        )
-    } else {
-        warn!(%job, %worker, "a worker vanished while it computed");
-        (
+/// Records what workers held when they died.
+pub(crate) async fn record<R: Recorder>(
+    crashes: Vec<Crash>,
+    recorder: &R,
+) -> Result<(), store::Error> {
+    if crashes.is_empty() {
+        return Ok(());
+    }
+    for of_one in crashes.chunk_by(|a, b| a.worker == b.worker) {
+        let jobs: Vec<String> = of_one.iter().take(NAMED).map(job).collect();
+        let more = of_one.len() - jobs.len();
+        warn!(worker = %of_one[0].worker, jobs = %jobs.join(", "), more, "a worker died while it held this");
+    }
+    let batch = Batch {
+        failures: crashes.into_iter().map(failure).collect(),
+        ..Batch::default()
+    };
+    recorder.record(batch).await.map(drop)
+}
+
+fn job(crash: &Crash) -> String {
+    names::job_name(crash.stream, &(0..0))
+}
+
+fn failure(crash: Crash) -> FailureRow {
+    let (kind, error) = match (crash.quarantined, crash.death.is_alone) {
+        (true, _) => {
+            error!(job = %job(&crash), worker = %crash.worker, "too many workers died on it: quarantined");
+            (
+                FailureKind::Quarantine,
+                "its workers died while they computed it",
+            )
+        }
+        (false, true) => (FailureKind::Crash, "its worker died while it computed it"),
+        (false, false) => (
             FailureKind::Crash,
-            "its worker vanished while it computed it",
-        )
+            "its worker died while it held this and other jobs, any of which may be the cause",
+        ),
     };
     FailureRow {
-        stream,
-        shared: is_split,
-        lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
-        worker: worker.to_string(),
+        stream: crash.stream,
+        sample: Some(crash.death.first),
+        shared: !crash.death.is_alone,
+        lease: u32::try_from(crash.lease.number).unwrap_or(u32::MAX),
+        worker: crash.worker.to_string(),
         serial: None,
         kind,
         error: error.to_owned(),

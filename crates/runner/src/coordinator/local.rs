@@ -1,5 +1,6 @@
 //! Workers in the coordinator's own process.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::gateway::{Dial, Link};
@@ -10,34 +11,37 @@ use tokio_util::sync::CancellationToken;
 /// Workers of the coordinator's own process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LocalWorkers {
-    /// The number of workers, of one slot each.
+    /// The number of jobs to compute at once.
     pub count: usize,
     /// The external simulator of the workers, if the campaign uses one.
     pub exec: Option<Exec>,
 }
 
 impl LocalWorkers {
-    /// Starts the workers, which connect by `dial`.
+    /// Starts a worker with `count` slots, which connects by `dial`; none without slots. One worker and not several,
+    /// because the process dies as a whole. For `journal` see [`Options::journal`].
     #[must_use]
     pub fn start(
         &self,
         dial: &Dial,
         shutdown: &CancellationToken,
+        journal: Option<(PathBuf, String)>,
     ) -> JoinSet<Result<Summary, crate::worker::Error>> {
         let mut workers = JoinSet::new();
-        for index in 0..self.count {
-            let link = Link::local(dial.clone());
+        if self.count > 0 {
             let options = Options {
-                slots: 1,
+                slots: self.count,
                 exec: self.exec.clone(),
-                host: format!("in-process:{index}"),
+                host: format!("{}:in-process", crate::worker::machine()),
                 connect_timeout: Duration::from_secs(30),
                 give_up_after: Duration::from_secs(30),
                 undelivered: None,
+                journal,
                 grace: Duration::from_secs(10),
                 max_runtime: None,
                 idle_exit: None,
             };
+            let link = Link::local(dial.clone());
             workers.spawn(Worker::new(link, options).run(shutdown.clone()));
         }
         workers

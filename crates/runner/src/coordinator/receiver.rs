@@ -275,6 +275,7 @@ impl<R: Recorder> Receiver<'_, R> {
         };
         let row = FailureRow {
             stream: failed.stream,
+            sample: (!failed.samples.is_empty()).then_some(failed.samples.start),
             shared: false,
             lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
             worker: worker.to_string(),

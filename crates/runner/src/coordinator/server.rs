@@ -169,7 +169,9 @@ async fn run_open(
     if plan.retry_failed {
         let results = store.remove_failures(problem::task::FAILED).await?;
         info!(results, "computing failed results again");
-        histories.iter_mut().for_each(|job| job.failures = 0);
+        histories
+            .values_mut()
+            .for_each(|history| history.failures = 0);
     }
     let options = ledger::Options {
         lease: plan.lease,
@@ -188,7 +190,7 @@ async fn run_open(
         problem: Arc::clone(problem),
         model_digest: model_digest.clone(),
     };
-    let mut serving = RunningServer::start(service, ports.opened, &plan.workers)?;
+    let mut serving = RunningServer::start(service, ports.opened, &plan.workers, &plan.db)?;
     let hang_up = serving.hang_up();
     info!(store = %plan.db.display(), campaign = %plan.campaign.name, "serving");
     crate::console::service::ready();

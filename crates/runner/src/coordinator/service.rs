@@ -3,12 +3,13 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use crate::gateway::Peer;
 use crate::protocol::Refusal;
 use crate::protocol::v1::{
-    Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
-    HeartbeatResponse, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
-    ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,
-    StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
+    DeadWorker, Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse,
+    HeartbeatRequest, HeartbeatResponse, LeaseRequest, LeaseResponse, RegisterRequest,
+    RegisterResponse, ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest,
+    RetryResponse, StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
 };
 use ledger::{HEARTBEATS_PER_LEASE, LeaseId, Unit, WorkerId};
 use problem::formulation::Problem;
@@ -17,6 +18,7 @@ use tonic::{Request, Response, Status};
 use tracing::info;
 
 use crate::coordinator::board::{Board, Course, Room};
+use crate::coordinator::leases;
 use crate::coordinator::receiver::{Receiver, beginning};
 use crate::coordinator::recorder::Recorder;
 
@@ -49,6 +51,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         &self,
         request: Request<RegisterRequest>,
     ) -> Result<Response<RegisterResponse>, Status> {
+        let peer = peer(&request);
         let request = request.into_inner();
         if request.worker_id.is_empty() || request.worker_id.len() > 128 || request.slots == 0 {
             return Err(Refusal::Malformed
@@ -68,6 +71,9 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             )));
         }
         self.require_open()?;
+        for dead in &request.died {
+            self.bury(dead).await?;
+        }
         // A worker's first call only asks for the campaign. The call that brings the digest of its
         // simulator registers it.
         let mut cancelled = Vec::new();
@@ -88,6 +94,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 request.slots,
                 &held,
             );
+            self.attend(peer, &WorkerId::from(request.worker_id.as_str()));
             info!(worker = %request.worker_id, host = %request.host, slots = request.slots,
                 held = request.held.len(), "worker registered");
         }
@@ -104,6 +111,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         &self,
         request: Request<LeaseRequest>,
     ) -> Result<Response<LeaseResponse>, Status> {
+        let peer = peer(&request);
         let request = request.into_inner();
         let worker = WorkerId::from(request.worker_id.as_str());
         if !self.board.is_known(&worker) {
@@ -112,6 +120,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 directive: Directive::Register.into(),
             }));
         }
+        self.attend(peer, &worker);
         let wait = Duration::from_millis(request.wait_ms.into()).min(LONGEST_WAIT);
         let room = Room {
             leases: (request.credit as usize).min(10_000),
@@ -165,6 +174,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         &self,
         request: Request<HeartbeatRequest>,
     ) -> Result<Response<HeartbeatResponse>, Status> {
+        let peer = peer(&request);
         let request = request.into_inner();
         let worker = WorkerId::from(request.worker_id.as_str());
         if !self.board.is_known(&worker) {
@@ -174,6 +184,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 heartbeat_ms: self.heartbeat_ms(),
             }));
         }
+        self.attend(peer, &worker);
         let held = request.held.iter();
         let held: Vec<(LeaseId, bool)> = held
             .map(|held| (held.id.unwrap_or_default().into(), held.started))
@@ -257,7 +268,37 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     }
 }
 
+/// The connection of a call.
+fn peer<T>(request: &Request<T>) -> Option<Peer> {
+    request.extensions().get::<Peer>().cloned()
+}
+
 impl<R: Recorder> Service<R> {
+    /// Notes that a registered worker has called through this connection, so that its end is noticed. A worker of this
+    /// process does not die alone.
+    fn attend(&self, peer: Option<Peer>, worker: &WorkerId) {
+        if let Some(peer) = peer.filter(|peer| !peer.is_local()) {
+            peer.keep(worker.as_str(), || self.board.connect(worker));
+        }
+    }
+
+    /// Counts the death of a former worker of the caller's machine.
+    async fn bury(&self, dead: &DeadWorker) -> Result<(), Status> {
+        let worker = WorkerId::from(dead.worker_id.as_str());
+        let begun = dead.begun.iter().filter_map(|begun| {
+            let units = begun
+                .units
+                .iter()
+                .filter_map(|unit| Unit::try_from(unit).ok());
+            Some((begun.id?.into(), units.collect::<Vec<Unit>>()))
+        });
+        let begun = begun.flat_map(|(id, units)| units.into_iter().map(move |unit| (id, unit)));
+        let begun: Vec<(LeaseId, Unit)> = begun.collect();
+        let crashes = self.board.bury(&worker, &begun);
+        let recorded = leases::record(crashes, &self.recorder).await;
+        recorded.map_err(|error| Status::unavailable(format!("not stored: {error}")))
+    }
+
     /// Refuses calls until the first plan is posted, shortly after the start.
     fn require_open(&self) -> Result<(), Status> {
         if self.board.is_open() {

@@ -1,7 +1,7 @@
 //! The port, the service and the workers of this process, while a campaign runs.
 
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::exit::{self, HasExitCode, ProgramError};
@@ -114,6 +114,7 @@ impl RunningServer {
         service: Service<R>,
         opened: Option<OpenPort>,
         workers: &LocalWorkers,
+        db: &Path,
     ) -> Result<Self, crate::gateway::Error> {
         let hang_up = CancellationToken::new();
         let (dial, local) = port::local();
@@ -131,7 +132,7 @@ impl RunningServer {
         let listeners = Listeners { port, local };
         let server = tokio::spawn(port::serve(service, listeners, hang_up.clone()));
         let stop_workers = CancellationToken::new();
-        let workers = workers.start(&dial, &stop_workers);
+        let workers = workers.start(&dial, &stop_workers, Some(notes(db)));
         Ok(Self {
             hang_up,
             server,
@@ -177,6 +178,16 @@ impl RunningServer {
             issuer.remove();
         }
     }
+}
+
+/// The place of notes beside a store: see [`Options::journal`](crate::worker::Options::journal).
+fn notes(db: &Path) -> (PathBuf, String) {
+    let folder = db.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let name = db.file_name().unwrap_or_default().to_string_lossy();
+    (
+        folder.unwrap_or(Path::new(".")).to_owned(),
+        format!("{name}-"),
+    )
 }
 
 /// Waits until the workers know that they are to leave, at most for [`FAREWELL`].

@@ -6,6 +6,7 @@
 //! admitted before thousands of later connections arrive. Admitted connections are counted
 //! separately; one too many is refused with a message.
 
+use std::any::Any;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::pin::Pin;
@@ -139,7 +140,11 @@ pub(crate) struct Peer {
     /// The address of the peer; `None` within this process.
     pub(crate) address: Option<SocketAddr>,
     standing: Arc<Mutex<Standing>>,
+    kept: Kept,
 }
+
+/// What is dropped at the end of a connection, by name.
+type Kept = Arc<Mutex<BTreeMap<String, Box<dyn Any + Send>>>>;
 
 #[derive(Debug)]
 enum Standing {
@@ -156,6 +161,7 @@ impl Peer {
         Self {
             address: Some(address),
             standing: Arc::new(Mutex::new(Standing::Newcomer(newcomer))),
+            kept: Kept::default(),
         }
     }
 
@@ -164,12 +170,22 @@ impl Peer {
         Self {
             address: None,
             standing: Arc::new(Mutex::new(Standing::Admitted { _place: None })),
+            kept: Kept::default(),
         }
     }
 
     /// Whether the peer is within this process and needs no token.
     pub(crate) const fn is_local(&self) -> bool {
         self.address.is_none()
+    }
+
+    /// Keeps what `make` returns until the connection ends, unless something is kept under this name already. How a
+    /// service learns that a caller is gone.
+    pub(crate) fn keep<T: Send + 'static>(&self, name: &str, make: impl FnOnce() -> T) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if !kept.contains_key(name) {
+            kept.insert(name.to_owned(), Box::new(make()));
+        }
     }
 
     fn standing(&self) -> MutexGuard<'_, Standing> {

@@ -36,6 +36,7 @@ mod tls;
 mod token;
 
 pub use address::Address;
+pub(crate) use admission::Peer;
 pub use dial::{Dial, Stream};
 pub use error::Error;
 pub use guard::Guard;

@@ -99,7 +99,6 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v1::Lease {
     let mut lease = v1::Lease {
         id: Some(grant.lease.into()),
         seconds: grant.seconds,
-        announce: grant.announce,
         ..v1::Lease::default()
     };
     for (number, (unit, source)) in (0..).zip(&grant.units) {

@@ -43,8 +43,6 @@ pub(crate) struct Lease {
     pub(crate) units: Vec<(Unit, Source)>,
     /// Expected time, in seconds.
     pub(crate) seconds: f64,
-    /// Whether to tell the coordinator at once that the lease has started.
-    pub(crate) announce: bool,
 }
 
 #[derive(Debug)]

@@ -20,3 +20,10 @@ mod work;
 pub use error::Error;
 pub use exec::{Exec, FileMode, SimulatorArguments};
 pub use work::{Options, Summary, Worker};
+
+/// The name of this machine, with which the name of a worker's host begins, before a colon.
+#[must_use]
+pub fn machine() -> String {
+    let name = std::fs::read_to_string("/etc/hostname");
+    name.map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned())
+}

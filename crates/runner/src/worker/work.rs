@@ -2,6 +2,7 @@
 
 mod calls;
 mod contact;
+mod journal;
 mod registering;
 mod undelivered;
 
@@ -14,7 +15,6 @@ use std::time::{Duration, Instant};
 use crate::gateway::Link;
 use crate::protocol::v1::ReleaseRequest;
 use ledger::LeaseId;
-use tokio::sync::mpsc::UnboundedSender;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
@@ -25,6 +25,7 @@ use crate::worker::exec::Exec;
 use crate::worker::held::HeldLeases;
 
 use contact::Contact;
+use journal::Journal;
 use registering::Registration;
 use undelivered::Files;
 
@@ -55,6 +56,8 @@ pub struct Options {
     pub give_up_after: Duration,
     /// The folder for results that cannot be delivered; none if the coordinator is in this process.
     pub undelivered: Option<PathBuf>,
+    /// The folder for notes of what a worker computes, and how their names begin.
+    pub journal: Option<(PathBuf, String)>,
     /// Time for running jobs to end after a shutdown.
     pub grace: Duration,
     /// Time after which the worker drains, for example because its time on a cluster ends.
@@ -98,8 +101,8 @@ struct SharedState {
     acknowledged: AtomicU64,
     /// Cancelled to end the worker.
     stop: CancellationToken,
-    /// Requests for an immediate heartbeat.
-    announcements: UnboundedSender<calls::Announcement>,
+    /// The note of what is being computed.
+    journal: Journal,
 }
 
 impl Worker {
@@ -135,7 +138,7 @@ impl Worker {
             })?;
         // Also cancelled when the campaign is finished or an error ends the worker.
         let stop = CancellationToken::new();
-        let (announcements, announced) = tokio::sync::mpsc::unbounded_channel();
+        let journal = Journal::new(self.options.journal.clone(), slots);
         let files = Files::new(self.options.undelivered.clone());
         let shared = Arc::new(SharedState {
             worker_id: format!("{:032x}", rand::random::<u128>()),
@@ -149,7 +152,7 @@ impl Worker {
             hurry: AtomicBool::new(false),
             acknowledged: AtomicU64::new(0),
             stop: stop.clone(),
-            announcements,
+            journal,
         });
         let registered = tokio::select! {
             registered = shared.register(true) => registered?,
@@ -162,10 +165,14 @@ impl Worker {
             "registered"
         );
         shared.files.take_up(&registered, &shared.held);
+        if registered.backend.is_external() {
+            let digest = registered.problem.campaign().digest();
+            shared.journal.open(&shared.worker_id, &digest);
+        }
 
         let mut tasks: JoinSet<Result<End, Error>> = JoinSet::new();
         tasks.spawn(calls::lease(Arc::clone(&shared), pool));
-        tasks.spawn(calls::heartbeat(Arc::clone(&shared), announced));
+        tasks.spawn(calls::heartbeat(Arc::clone(&shared)));
         let reporter_stop = CancellationToken::new();
         let mut reporter = tokio::spawn(calls::report(Arc::clone(&shared), reporter_stop.clone()));
 
@@ -187,6 +194,8 @@ impl Worker {
             away = shared.away() => Err(away),
         };
         stop.cancel();
+        // From here on, a death is not the fault of what is computed.
+        shared.journal.remove();
         let asked = tokio::time::Instant::now();
         if let Ok(End::Dismissed) = end {
             warn!("the coordinator ends before the campaign does");

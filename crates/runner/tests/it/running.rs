@@ -103,6 +103,7 @@ impl Coordinator {
                 model_digest: service.model_digest.clone().unwrap(),
                 slots: 1,
                 held: Vec::new(),
+                died: Vec::new(),
             };
             if service.register(Request::new(request)).await.is_ok() {
                 break;

@@ -98,6 +98,7 @@ impl Bench {
             model_digest: self.service.model_digest.clone().unwrap(),
             slots: 1,
             held: Vec::new(),
+            died: Vec::new(),
         }
     }
 
@@ -462,7 +463,7 @@ async fn a_failure_reported_again_counts_once() {
         bench.report("w", failure(&leases[0], 1)).await;
     }
     let histories = || async { bench.store.stream_histories().await.unwrap() };
-    assert_eq!(histories().await[0].failures, 1);
+    assert_eq!(histories().await[&StreamId::design(0)].failures, 1);
 
     let restarted = board(&bench.problem, 8);
     restarted.remember(histories().await);
@@ -486,7 +487,7 @@ async fn a_failure_reported_again_counts_once() {
     assert_eq!(restarted.live().counts.leased, 1);
     bench.report("w", failure(&again[0], 2)).await;
     assert_eq!(restarted.live().workers[0].0.failed, 1);
-    assert_eq!(bench.store.stream_histories().await.unwrap()[0].failures, 2);
+    assert_eq!(histories().await[&StreamId::design(0)].failures, 2);
 }
 
 #[tokio::test]

@@ -49,6 +49,7 @@ async fn every_table_gives_back_what_was_put() {
         failures: vec![
             FailureRow {
                 stream: of(1),
+                sample: None,
                 shared: false,
                 lease: u32::MAX,
                 worker: "w1".into(),
@@ -59,6 +60,7 @@ async fn every_table_gives_back_what_was_put() {
             },
             FailureRow {
                 stream: StreamId::run(u32::MAX >> 8, u32::MAX),
+                sample: None,
                 shared: true,
                 lease: 1,
                 worker: "w2".into(),
@@ -411,6 +413,7 @@ async fn failures_are_grouped_by_kind_and_cause() {
     let store = open(&path).await;
     let failure = |design: u64, worker: &str, kind, error: &str| FailureRow {
         stream: of(design),
+        sample: None,
         shared: false,
         lease: 1,
         worker: worker.into(),

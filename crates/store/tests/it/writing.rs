@@ -346,6 +346,7 @@ async fn batches_that_share_a_commit_have_receipts_of_their_own() {
     let store = store_with(&path, 3).await;
     let failure = |job: u64| FailureRow {
         stream: of(job),
+        sample: None,
         shared: false,
         lease: 1,
         worker: "w".into(),
@@ -508,6 +509,7 @@ async fn a_failure_is_stored_once_for_each_number_of_its_worker() {
     let store = open(&path).await;
     let failure = |worker: &str, serial| FailureRow {
         stream: of(0),
+        sample: None,
         shared: false,
         lease: 1,
         worker: worker.into(),

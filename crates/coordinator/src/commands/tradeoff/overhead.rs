@@ -281,7 +281,7 @@ async fn through(
         count: workers,
         exec,
     };
-    let mut workers = workers.start(&dial, &stop);
+    let mut workers = workers.start(&dial, &stop, None);
     // Nothing is wanted yet: the workers register and start their programs before the clock starts.
     board.open();
     while board.live().workers.len() < workers.len() {

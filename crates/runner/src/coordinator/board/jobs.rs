@@ -1,6 +1,6 @@
 //! The calls of the engine: missing jobs, expired leases, and the end of a campaign.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,16 +11,9 @@ use stages::searching::Progress;
 use super::{Board, Course};
 
 impl Board {
-    /// Restores the crashes and failures of streams from before a restart.
-    pub fn remember(&self, histories: Vec<store::StreamHistory>) {
-        let known = histories.into_iter().map(|history| {
-            let counted = History {
-                crashes: history.crashes as usize,
-                failures: history.failures,
-            };
-            (history.stream, counted)
-        });
-        self.lock().histories = known.collect();
+    /// Restores the deaths and failures of streams from before a restart.
+    pub fn remember(&self, histories: BTreeMap<StreamId, History>) {
+        self.lock().histories = histories;
     }
 
     /// Grants no lease for this long, so that workers that hold leases from before a restart can
@@ -64,12 +57,15 @@ impl Board {
         self.lock().is_ready
     }
 
-    /// Ends the expired leases and returns those that had started: each may be a crash.
+    /// Ends the leases of workers that are silent or have lost their connection. Returns what they held.
     pub fn expire(&self) -> Vec<Crash> {
         let now = self.now();
         let mut inner = self.lock();
         let before = inner.ledger.counts();
-        let vanished = inner.ledger.expire(now);
+        let mut vanished = inner.ledger.expire(now);
+        for dead in inner.connections.dead(now) {
+            vanished.extend(inner.ledger.vanish(&dead, now));
+        }
         if inner.ledger.counts() != before {
             self.ring(inner);
         }

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use ledger::{Delivery, Failure, Generation, Grant, LeaseId, StreamId, Unit, Verdict, WorkerId};
+use ledger::{
+    Crash, Delivery, Failure, Generation, Grant, LeaseId, StreamId, Unit, Verdict, WorkerId,
+};
 use problem::task::Source;
 use tokio::time::Instant;
 
@@ -39,6 +41,19 @@ impl Board {
                 !is_needed
             });
             needless.map(|(id, _)| *id).collect()
+        })
+    }
+
+    /// Counts the death of a worker that left a note of what it was computing.
+    pub fn bury(&self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
+        self.change(|inner, _| {
+            let crashes = inner.ledger.bury(worker, begun);
+            let is_unknown = |crash: &&Crash| inner.ledger.source(crash.stream).is_none();
+            for crash in crashes.iter().filter(is_unknown) {
+                let history = inner.histories.entry(crash.stream).or_default();
+                history.deaths.insert(worker.clone(), crash.death);
+            }
+            crashes
         })
     }
 

@@ -53,7 +53,6 @@ impl Outbox {
             id: result.id.unwrap_or_default().into(),
             units: Vec::new(),
             seconds: 0.0,
-            announce: false,
         };
         self.restored.insert(lease.id);
         self.put(Arc::new(lease), result);

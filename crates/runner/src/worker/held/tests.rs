@@ -14,7 +14,6 @@ fn lease(number: u64, seconds: f64) -> Arc<Lease> {
         id: id(number),
         units: Vec::new(),
         seconds,
-        announce: false,
     })
 }
 

@@ -10,7 +10,6 @@ use crate::gateway::link::cause;
 use crate::protocol::v1::{Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
 use ledger::Unit;
 use problem::task::{Failure, Outcome, Output, Source, compute_until};
-use tokio::sync::mpsc::UnboundedReceiver;
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
@@ -28,9 +27,6 @@ const LEASE_WAIT: Duration = Duration::from_secs(5);
 const KEEP_EVERY: Duration = Duration::from_secs(1);
 /// Maximum number of samples between two readings of the clock.
 const MAX_STRIDE: u32 = 64;
-
-/// Maximum time that a lease waits for its announcement.
-const ANNOUNCE_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Time to wait for a request to leave after an external program failed. systemd and Slurm signal
 /// both at once, and the program often ends first.
@@ -109,7 +105,6 @@ pub(super) async fn lease(shared: Arc<SharedState>, pool: rayon::ThreadPool) -> 
                 id: lease.name(),
                 units,
                 seconds: lease.seconds,
-                announce: lease.announce,
             });
             if shared.held.take(&lease) {
                 let shared = Arc::clone(&shared);
@@ -182,11 +177,6 @@ fn compute(shared: &SharedState, lease: &Lease) {
     let Some(cancelled) = shared.held.start(lease.id) else {
         return;
     };
-    if lease.announce {
-        // The previous worker may have crashed on this lease, and this one may crash before its
-        // next heartbeat. A crash counts only if the coordinator knows that the lease has started.
-        shared.announce();
-    }
     let began = Instant::now();
     if let Some(registered) = shared.registered() {
         for (unit, source) in &lease.units {
@@ -208,11 +198,13 @@ fn compute(shared: &SharedState, lease: &Lease) {
                 stride: Cell::new(1),
                 left: Cell::new(1),
             };
+            let note = shared.journal.begin(lease.id, unit);
             for result in attempt(&registered, &computation, source) {
                 shared
                     .held
                     .add(lease.id, result, began.elapsed().as_secs_f64());
             }
+            drop(note);
         }
     }
     shared.held.finish(lease.id);
@@ -321,20 +313,7 @@ pub(super) async fn report(shared: Arc<SharedState>, stop: CancellationToken) {
     }
 }
 
-/// A thread that waits for the next heartbeat.
-pub(super) type Announcement = std::sync::mpsc::SyncSender<()>;
-
 impl SharedState {
-    /// Has a heartbeat sent at once and waits until that call has ended, at most for
-    /// [`ANNOUNCE_TIMEOUT`].
-    fn announce(&self) {
-        let (told, heard) = std::sync::mpsc::sync_channel(1);
-        if self.announcements.send(told).is_ok() {
-            // An error means that it took too long, or that the worker ends.
-            let _ = heard.recv_timeout(ANNOUNCE_TIMEOUT);
-        }
-    }
-
     /// Whether this worker is asked to leave within `moment`.
     fn leaves_within(&self, moment: Duration) -> bool {
         let since = Instant::now();
@@ -352,24 +331,15 @@ impl SharedState {
 
 /// Sends heartbeats and follows the directives in the responses. Continues while the worker leaves:
 /// until then the leases are its own.
-pub(super) async fn heartbeat(
-    shared: Arc<SharedState>,
-    mut announcements: UnboundedReceiver<Announcement>,
-) -> Result<End, Error> {
+pub(super) async fn heartbeat(shared: Arc<SharedState>) -> Result<End, Error> {
     let mut client = shared.connection.client();
     let mut told = shared.heartbeat.subscribe();
     loop {
         let period = *told.borrow_and_update();
-        let mut waiting: Vec<Announcement> = Vec::new();
         tokio::select! {
             () = tokio::time::sleep(period) => {}
             // A restarted coordinator may want heartbeats more often.
             _ = told.changed() => {}
-            // The channel stays open because the shared state holds a sender.
-            announcement = announcements.recv() => waiting.extend(announcement),
-        }
-        while let Ok(announcement) = announcements.try_recv() {
-            waiting.push(announcement);
         }
         let epoch = shared.epoch();
         let request = HeartbeatRequest {
@@ -378,10 +348,6 @@ pub(super) async fn heartbeat(
         };
         // A heartbeat that hangs must not delay the next one.
         let call = tokio::time::timeout(2 * period, client.heartbeat(request)).await;
-        for announcement in waiting {
-            // The thread may have stopped waiting.
-            let _ = announcement.try_send(());
-        }
         // After a lost heartbeat, the next one is enough.
         let Ok(Ok(response)) = call else {
             shared.contact.missed();

@@ -52,6 +52,9 @@ impl SharedState {
                 } else {
                     Vec::new()
                 },
+                died: known.as_ref().map_or_else(Vec::new, |known| {
+                    self.journal.dead(&known.problem.campaign().digest())
+                }),
             };
             let mut client = self.connection.client();
             let call = tokio::time::timeout(CALL_TIMEOUT, client.register(request));
@@ -82,6 +85,7 @@ impl SharedState {
                         // The questions to a program may have taken longer than the time limit.
                         since = Instant::now();
                         if done {
+                            self.journal.forget_dead();
                             self.held.cancel(&ids(&response.cancelled));
                         } else {
                             // Leases, if there are any, belong to another campaign, and so do their

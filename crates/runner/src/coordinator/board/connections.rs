@@ -1,0 +1,64 @@
+//! The connections of workers. A worker whose last connection ends without a farewell has most likely died.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use ledger::WorkerId;
+
+use super::Board;
+
+/// Time for a worker to come back after its last connection has ended: a living one calls again within a tenth of it,
+/// unless the network is down.
+const RETURN: Duration = Duration::from_millis(2500);
+
+/// The connections of workers.
+#[derive(Debug, Default)]
+pub(super) struct Connections {
+    /// The number of connections of each worker that has one.
+    open: BTreeMap<WorkerId, usize>,
+    /// The workers without a connection, and when they count as dead.
+    lost: BTreeMap<WorkerId, Duration>,
+}
+
+impl Connections {
+    /// The workers that have not come back, which are forgotten.
+    pub(super) fn dead(&mut self, now: Duration) -> Vec<WorkerId> {
+        let dead = self.lost.extract_if(.., |_, until| *until <= now);
+        dead.map(|(worker, _)| worker).collect()
+    }
+}
+
+/// A connection of a worker, until it is dropped.
+pub struct Connection {
+    board: Arc<Board>,
+    worker: WorkerId,
+}
+
+impl Board {
+    /// Records a connection of a worker.
+    #[must_use]
+    pub fn connect(self: &Arc<Self>, worker: &WorkerId) -> Connection {
+        let mut inner = self.lock();
+        *inner.connections.open.entry(worker.clone()).or_default() += 1;
+        inner.connections.lost.remove(worker);
+        Connection {
+            board: Arc::clone(self),
+            worker: worker.clone(),
+        }
+    }
+}
+
+impl Drop for Connection {
+    fn drop(&mut self) {
+        let until = self.board.now() + RETURN;
+        let connections = &mut self.board.lock().connections;
+        if let Some(open) = connections.open.get_mut(&self.worker) {
+            *open -= 1;
+            if *open == 0 {
+                connections.open.remove(&self.worker);
+                connections.lost.insert(self.worker.clone(), until);
+            }
+        }
+    }
+}
