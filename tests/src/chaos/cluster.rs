@@ -107,6 +107,8 @@ pub(crate) struct Setup {
     pub(crate) stays: bool,
     /// The workers' command-line arguments for their simulator.
     pub(crate) simulator: Vec<String>,
+    /// Whether that simulator kills workers.
+    pub(crate) kills_workers: bool,
 }
 
 /// The processes of a round.
@@ -185,7 +187,12 @@ impl Cluster {
             Who::Worker(worker) => {
                 let address = self.proxies[worker].address();
                 let simulator = &self.setup.simulator;
-                let command = self.setup.programs.worker(folder, address, simulator);
+                // One of them computes several jobs at once.
+                let slots = if worker == 0 { 1 } else { 3 };
+                let command = self
+                    .setup
+                    .programs
+                    .worker(folder, address, slots, simulator);
                 (format!("worker-{worker}-{}", self.started), command)
             }
         };
@@ -365,6 +372,10 @@ impl Cluster {
                 && let Some(process) = self.place(who).take()
             {
                 self.note_end(who, &process, status)?;
+                if status.code().is_none() {
+                    let process = self.spawn(who)?;
+                    *self.place(who) = Some(process);
+                }
             }
         }
         let (mut over, mut open) = (Vec::new(), Vec::new());
@@ -400,6 +411,10 @@ impl Cluster {
                 true
             }
             (_, Some(INTERRUPTED)) => process.is_asked || self.is_drained,
+            // Its simulator has killed it.
+            (Who::Worker(_), None) => {
+                self.setup.kills_workers && status.signal() == Some(Signal::KILL.as_raw())
+            }
             // The coordinator of a finished campaign does not return.
             (Who::Worker(_), Some(UNREACHABLE)) => {
                 process.is_asked || self.ended.is_some() || process.since.elapsed() > ABSENCE

@@ -21,6 +21,8 @@ pub enum Kind {
     Grown,
     /// An external simulator that fails occasionally.
     External,
+    /// The same on one machine: `coordinator run`, which its simulator kills, too.
+    Alone,
     /// An external simulator that cannot compute one design without a licence.
     Licence,
     /// A problem without gears, with infill.
@@ -33,12 +35,13 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Plain,
         Self::Precise,
         Self::Enriched,
         Self::Grown,
         Self::External,
+        Self::Alone,
         Self::Licence,
         Self::Problem,
         Self::Files,
@@ -54,6 +57,7 @@ impl Kind {
             Self::Enriched => "enriched",
             Self::Grown => "grown",
             Self::External => "external",
+            Self::Alone => "alone",
             Self::Licence => "licence",
             Self::Problem => "problem",
             Self::Files => "files",
@@ -65,7 +69,7 @@ impl Kind {
     pub(crate) const fn simulator(self) -> Option<&'static str> {
         match self {
             Self::Plain | Self::Precise | Self::Enriched | Self::Grown | Self::Sharded => None,
-            Self::External | Self::Licence => Some("simulator.py"),
+            Self::External | Self::Alone | Self::Licence => Some("simulator.py"),
             Self::Problem => Some(DIRECT),
             Self::Files => Some(BEAM),
         }
@@ -78,7 +82,7 @@ impl Kind {
 
     /// Whether that program fails occasionally in a round.
     pub(crate) const fn is_unreliable(self) -> bool {
-        matches!(self, Self::External | Self::Licence)
+        matches!(self, Self::External | Self::Alone | Self::Licence)
     }
 
     /// The campaign files, in the order in which they are run on the same store.
@@ -114,7 +118,7 @@ impl Kind {
                 vec![grown(30, 1500), model(grown(36, 2000), is_even)]
             }
             Self::External => vec![external(true)],
-            Self::Licence => vec![external(is_even)],
+            Self::Alone | Self::Licence => vec![external(is_even)],
             Self::Problem => vec![problem()],
             Self::Files => vec![files()],
             Self::Sharded => {

@@ -1,5 +1,6 @@
 //! Small real campaigns on real processes with random faults.
 
+mod alone;
 mod cluster;
 mod course;
 mod kinds;
@@ -100,11 +101,14 @@ impl Soak {
         let reference = self.reference(kind)?;
         let folder = self.folder.join(format!("round-{round}"));
         std::fs::create_dir(&folder).map_err(|error| Violation(error.to_string()))?;
-        let result = if kind == Kind::Sharded {
-            let file = &reference.files[0];
-            parts::disturbed(&self.programs, &folder, file, self.seed, round)?
-        } else {
-            self.disturb(&folder, round, kind, &reference)?
+        let file = &reference.files[0];
+        let result = match kind {
+            Kind::Sharded => parts::disturbed(&self.programs, &folder, file, self.seed, round)?,
+            Kind::Alone => {
+                let simulator = self.simulator(&folder, round, kind, &reference);
+                alone::disturbed(&self.programs, &folder, file, &simulator, self.seed, round)?
+            }
+            _ => self.disturb(&folder, round, kind, &reference)?,
         };
         let outcome = Outcome::read(&self.programs, &folder, DB)?;
         outcome.compare(&reference.outcome)?;
@@ -173,6 +177,7 @@ impl Soak {
             file: reference.files[0].clone(),
             stays: course.stays(),
             simulator: self.simulator(folder, round, kind, reference),
+            kills_workers: kind.is_unreliable(),
         })?;
         let mut diary = std::fs::File::create(folder.join("acts.log"))
             .map_err(|error| Violation(error.to_string()))?;

@@ -233,7 +233,13 @@ mod tests {
 
     #[test]
     fn only_failures_that_were_made_are_expected() {
-        const EXTERNAL: [Kind; 4] = [Kind::External, Kind::Licence, Kind::Problem, Kind::Files];
+        const EXTERNAL: [Kind; 5] = [
+            Kind::External,
+            Kind::Alone,
+            Kind::Licence,
+            Kind::Problem,
+            Kind::Files,
+        ];
         let row = |kind| FailureRow {
             stream: StreamId::design(3),
             sample: None,

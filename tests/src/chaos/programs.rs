@@ -146,17 +146,20 @@ impl Programs {
         command
     }
 
-    /// The command of a worker with one slot and these arguments for its simulator.
+    /// The command of a worker with these arguments for its simulator.
     pub(crate) fn worker(
         &self,
         folder: &Path,
         address: SocketAddr,
+        slots: u32,
         simulator: &[String],
     ) -> Command {
         let mut command = self.command("worker", folder, "info");
         command.args(["--access", ACCESS, "--connect"]);
         command.arg(address.to_string());
-        command.args(["--slots", "1", "--grace", "2"]);
+        command.args(["--slots", &slots.to_string(), "--grace", "2"]);
+        // Notes of the dead and undelivered results stay in the round's folder.
+        command.args(["--undelivered", "undelivered"]);
         command.args(simulator);
         command
     }
@@ -178,14 +181,24 @@ impl Programs {
         db: &str,
         simulator: Option<&str>,
     ) -> Result<(), Violation> {
-        let mut command = self.command("coordinator", folder, "off");
+        let simulator = simulator.map_or_else(Vec::new, |name| self.simulator(name, ""));
+        finish(self.alone(folder, file, db, &simulator)).map(drop)
+    }
+
+    /// The command that runs a campaign on this machine alone, with these arguments for its simulator.
+    pub(crate) fn alone(
+        &self,
+        folder: &Path,
+        file: &Path,
+        db: &str,
+        simulator: &[String],
+    ) -> Command {
+        let mut command = self.command("coordinator", folder, "info");
         let report = format!("{db}-report");
         command.arg("run").arg(file);
-        command.args(["--db", db, "--out", &report]);
-        if let Some(name) = simulator {
-            command.args(self.simulator(name, ""));
-        }
-        finish(command).map(drop)
+        command.args(["--db", db, "--out", &report, "--workers", "2"]);
+        command.args(simulator);
+        command
     }
 
     /// The command that writes what is left of a campaign as shards.

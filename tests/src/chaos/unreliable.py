@@ -1,6 +1,7 @@
 """The example's simulator with failures that follow from a seed. Its numbers are the example's.
 
-A share of the designs fails once, in the middle of its samples, and one call of another kind fails once.
+A share of the designs fails once, in the middle of its samples, and one call of another kind fails once. Some of them kill
+the worker, or the coordinator that computes itself, instead.
 With a locked design, samples of that design fail until the file `licence` exists. What has failed is
 marked by a file in the working folder, so that all processes of a round fail together as often as one.
 
@@ -34,6 +35,17 @@ def is_first(name):
     return True
 
 
+def kill_the_worker():
+    pid = os.getppid()
+    while pid > 1:
+        with open(f"/proc/{pid}/comm") as name:
+            if name.read().strip() in ("worker", "coordinator"):
+                os.kill(pid, signal.SIGKILL)
+                return
+        with open(f"/proc/{pid}/stat") as stat:
+            pid = int(stat.read().rsplit(")", 1)[1].split()[1])
+
+
 def fail(way):
     """An answer instead of numbers, or no answer at all."""
     if way == 0:
@@ -42,6 +54,8 @@ def fail(way):
         sys.exit(7)
     if way == 2:
         os.kill(os.getpid(), signal.SIGKILL)
+    if way == 3:
+        kill_the_worker()
     print("segmentation fault", flush=True)
     return {"error": "after nonsense"}
 
@@ -58,14 +72,14 @@ class Unreliable(simulator.Simulator):
         if kind != "sample":
             call = draws("call", kind, design)
             if call[0] < CALLS and is_first("failed-call"):
-                return fail(call[1] % 4)
+                return fail(call[1] % 5)
             return None
         place, sample = draws("design", design), draws("sample", design, request["seed"])
         if LOCKED and abs(design["x_p"] - LOCKED[0]) < 1e-12 and not os.path.exists("licence"):
             if sample[0] < LOCKED[1] * 256:
                 return {"error": "no licence for this design"}
         if place[0] < DESIGNS and sample[1] < SAMPLES and is_first("failed-" + place.hex()[:16]):
-            return fail(place[1] % 4)
+            return fail(place[1] % 5)
         return None
 
 
