@@ -14,6 +14,7 @@
 //! - [`derived`] says which stored results are outdated.
 //! - [`searching`] takes optimiser runs on an external simulator from generation to generation.
 //! - [`verification`] says how many verification samples a design gets.
+//! - [`contradiction`] records results that differ from stored ones.
 //! - [`names`] has the names of streams in the store and in messages.
 //! - [`references`] has the designs that the paper prints.
 //!
@@ -21,6 +22,7 @@
 
 pub mod choosing;
 pub mod constraints;
+pub mod contradiction;
 pub mod cost;
 pub mod deciding;
 pub mod derived;
