@@ -1,14 +1,15 @@
-//! Reasons to doubt the results: workers that contradict each other and, of an external program, ignored seeds
-//! and failed evaluations.
+//! Reasons to doubt the results: workers that contradict each other and, of an external program, ignored seeds,
+//! absurd samples and failed evaluations.
 
 use std::collections::BTreeSet;
 
-use ledger::Kind;
+use ledger::{Kind, StreamId};
 use problem::Approach;
 use problem::file::FailedSamples;
 use problem::formulation::Problem;
+use stages::plausibility::Plausibility;
 use stages::{contradiction, names};
-use store::{CriteriaRow, ResponseRow, Store};
+use store::{CriteriaRow, InfillRow, ResponseRow, Store};
 
 /// One sentence for each doubt about what `store` holds.
 ///
@@ -23,6 +24,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     }
     let responses = store.responses().await?;
     doubts.extend(ignored_seeds(problem, &responses));
+    doubts.extend(Plausibility::read(store).await?.sentences(problem));
     let meaning = match campaign.sampling.failed {
         FailedSamples::LeftOut => "They are left out of the percentiles.",
         FailedSamples::RefusesDesign => "A design with one of them has no percentile.",
@@ -54,7 +56,16 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     let without = responses.iter().filter(|row| !row.percentile.is_finite());
     let criteria = store.criteria().await?;
     let has_failed = |row: &&CriteriaRow| row.reason.as_deref().is_some_and(is_failure);
+    let infill = store.infill().await?;
+    let is_absurd = |row: &&InfillRow| {
+        let tally = tallies.get(&StreamId::point(row.number));
+        row.has_failed() && tally.is_some_and(|tally| tally.samples >= row.samples)
+    };
     let counted = [
+        (
+            infill.iter().filter(is_absurd).count(),
+            "infill points are left out because of an absurd sample; the log names it.".to_owned(),
+        ),
         (
             criteria.iter().filter(has_failed).count(),
             "designs failed in every attempt; they are recorded as not simulable.".to_owned(),

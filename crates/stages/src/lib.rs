@@ -6,6 +6,7 @@
 //! - [`designs`] makes the DoE.
 //! - [`responses`] says how many samples a design needs, and computes its response from them; [`linear`]
 //!   computes their control variate, and [`statistics`] the responses of the whole DoE.
+//! - [`plausibility`] finds samples of an external program that are absurd beside all others.
 //! - [`fitting`] fits the kriging model to the responses.
 //! - [`deciding`] decides rounds of infill from the store's rows; [`infill`] has their points and
 //!   settings, [`rounds`] the decisions, [`constraints`] models of an external program's constraints.
@@ -33,6 +34,7 @@ pub mod linear;
 pub mod names;
 pub mod optima;
 pub mod plan;
+pub mod plausibility;
 pub mod references;
 pub mod responses;
 pub mod rounds;
