@@ -106,7 +106,8 @@ async fn contradictions(store: &Store) -> Result<Option<String>, store::Error> {
     let jobs: BTreeSet<String> = rows.map(|row| names::stream_name(row.stream)).collect();
     let jobs = jobs.into_iter().collect::<Vec<_>>().join(", ");
     Ok(Some(format!(
-        "Two workers gave different results for the same job, and the first result counts: {jobs}. The table failures          names the workers."
+        "Two workers gave different results for the same job, and the first result counts: {jobs}. The table failures \
+         names the workers."
     )))
 }
 
