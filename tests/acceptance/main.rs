@@ -5,6 +5,7 @@
     reason = "tests wait with time limits and are told by variables what to run"
 )]
 
+mod absurd;
 mod bad_input;
 mod campaign;
 mod chaos;

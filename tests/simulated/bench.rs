@@ -119,8 +119,16 @@ impl Recorder for Memory {
         Ok(self.with(|stored| stored.knows_failure(worker, Some(serial))))
     }
 
-    async fn pin_model(&self, _offered: &str) -> Result<(), store::Error> {
+    async fn offer_model(&self, _worker: &str, _offered: &str) -> Result<(), store::Error> {
         Ok(())
+    }
+
+    async fn pin_model(&self, _worker: &str) -> Result<(), store::Error> {
+        Ok(())
+    }
+
+    fn has_other_model(&self, _worker: &str) -> bool {
+        false
     }
 
     async fn status(&self) -> anyhow::Result<Status> {

@@ -146,13 +146,16 @@ impl<P: Clone> Ledger<P> {
         if state.is_leaving || stream.quarantined.is_some() {
             return ignored;
         }
-        state.failed += 1;
+        state.failed += u64::from(!failed.is_contradiction);
         let succeeded_at = state.succeeded_at;
         let machine = Arc::from(machine(&state.host));
         self.turn += 1;
         self.fails_since.get_or_insert(now);
         let is_hopeless = self.is_hopeless(now);
-        let suspended = self.strike(worker, id, now);
+        let suspended = match failed.is_contradiction {
+            true => None,
+            false => self.strike(worker, id, now),
+        };
         let has_others = self.other_machines(worker, now);
         let options = &self.options;
         let Some(stream) = self.streams.get_mut(&id) else {

@@ -265,6 +265,9 @@ pub struct FailureReport {
     pub sample: Option<u32>,
     /// The error.
     pub error: String,
+    /// Whether the result differs from one that another worker had delivered. Either may be wrong, so the
+    /// failure counts against the stream alone.
+    pub is_contradiction: bool,
 }
 
 /// The consequence of a failure.

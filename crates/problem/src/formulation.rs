@@ -268,7 +268,7 @@ impl Problem {
     }
 
     /// Checks that this number can be a sample of the response, or the response without random
-    /// effects.
+    /// effects: within the campaign's limits, and not so large that statistics overflow.
     ///
     /// # Errors
     ///
@@ -279,8 +279,7 @@ impl Problem {
         }
         match &self.kind {
             Formulation::Gears(_) => gears::check_delta_ste(value),
-            Formulation::External(_) if value.is_finite() => Ok(()),
-            Formulation::External(_) => Err(format!("is {value}, which is not a number")),
+            Formulation::External(external) => external.check_sample(value),
         }
     }
 
@@ -366,15 +365,15 @@ impl Problem {
         }
         match &self.kind {
             Formulation::Gears(_) => gears::check(|name| self.response(responses, name)),
-            Formulation::External(_) => {
+            Formulation::External(external) => {
                 let mut named = self.responses.iter().zip(responses);
-                match named.find(|(_, value)| !value.is_finite()) {
-                    Some((quantity, value)) => Err(format!(
-                        "{} is {value}, which is not a number",
-                        quantity.name
-                    )),
-                    None => Ok(()),
-                }
+                named.try_for_each(|(quantity, &value)| {
+                    let checked = match quantity.name == self.sampled.name {
+                        true => external.check_sample(value),
+                        false => external::check_number(value),
+                    };
+                    checked.map_err(|why| format!("{} {why}", quantity.name))
+                })
             }
         }
     }

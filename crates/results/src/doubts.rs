@@ -1,11 +1,15 @@
-//! Reasons to doubt the results of an external program: ignored seeds, and failed evaluations.
+//! Reasons to doubt the results: workers that contradict each other and, of an external program, ignored seeds,
+//! absurd samples and failed evaluations.
 
-use ledger::Kind;
+use std::collections::BTreeSet;
+
+use ledger::{Kind, StreamId};
 use problem::Approach;
 use problem::file::FailedSamples;
 use problem::formulation::Problem;
-use stages::names;
-use store::{CriteriaRow, ResponseRow, Store};
+use stages::plausibility::Plausibility;
+use stages::{contradiction, names};
+use store::{CriteriaRow, InfillRow, ResponseRow, Store};
 
 /// One sentence for each doubt about what `store` holds.
 ///
@@ -14,11 +18,13 @@ use store::{CriteriaRow, ResponseRow, Store};
 /// The store cannot be read.
 pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, store::Error> {
     let campaign = problem.campaign();
+    let mut doubts: Vec<String> = contradictions(store).await?.into_iter().collect();
     if !campaign.is_external() {
-        return Ok(Vec::new());
+        return Ok(doubts);
     }
     let responses = store.responses().await?;
-    let mut doubts: Vec<String> = ignored_seeds(problem, &responses).into_iter().collect();
+    doubts.extend(ignored_seeds(problem, &responses));
+    doubts.extend(Plausibility::read(store).await?.sentences(problem));
     let meaning = match campaign.sampling.failed {
         FailedSamples::LeftOut => "They are left out of the percentiles.",
         FailedSamples::RefusesDesign => "A design with one of them has no percentile.",
@@ -50,7 +56,16 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     let without = responses.iter().filter(|row| !row.percentile.is_finite());
     let criteria = store.criteria().await?;
     let has_failed = |row: &&CriteriaRow| row.reason.as_deref().is_some_and(is_failure);
+    let infill = store.infill().await?;
+    let is_absurd = |row: &&InfillRow| {
+        let tally = tallies.get(&StreamId::point(row.number));
+        row.has_failed() && tally.is_some_and(|tally| tally.samples >= row.samples)
+    };
     let counted = [
+        (
+            infill.iter().filter(is_absurd).count(),
+            "infill points are left out because of an absurd sample; the log names it.".to_owned(),
+        ),
         (
             criteria.iter().filter(has_failed).count(),
             "designs failed in every attempt; they are recorded as not simulable.".to_owned(),
@@ -75,6 +90,25 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     let counted = counted.into_iter().filter(|(count, _)| *count > 0);
     doubts.extend(counted.map(|(count, what)| format!("{count} {what}")));
     Ok(doubts)
+}
+
+/// The doubt about results that two workers computed differently.
+async fn contradictions(store: &Store) -> Result<Option<String>, store::Error> {
+    let groups = store.failure_groups().await?;
+    let mut causes = groups.iter().map(|group| &*group.cause);
+    if !causes.any(contradiction::is_recorded) {
+        return Ok(None);
+    }
+    let failures = store.failures().await?;
+    let rows = failures
+        .iter()
+        .filter(|row| contradiction::is_recorded(&row.error));
+    let jobs: BTreeSet<String> = rows.map(|row| names::stream_name(row.stream)).collect();
+    let jobs = jobs.into_iter().collect::<Vec<_>>().join(", ");
+    Ok(Some(format!(
+        "Two workers gave different results for the same job, and the first result counts: {jobs}. The table failures \
+         names the workers."
+    )))
 }
 
 /// The doubt about a program whose samples do not depend on its seed.

@@ -24,6 +24,7 @@ use crate::fitting::{self, Observation};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
 use crate::names;
+use crate::plausibility::Plausibility;
 use crate::responses::{self, Samples};
 use crate::snapshot::{infill_samples, response_counts};
 
@@ -37,8 +38,10 @@ pub struct Rows {
     counts: BTreeMap<u64, u64>,
     rounds: Vec<RoundRow>,
     infill: Vec<InfillRow>,
-    /// The samples of every infill point that has all of them.
+    /// The samples of every infill point that has all of them, none of them absurd.
     samples: BTreeMap<u64, Vec<f64>>,
+    /// The infill points that count as failed because of an absurd sample, with the sample.
+    absurd: BTreeMap<u64, (usize, f64)>,
     /// The samples of the designs at which infill points lie.
     of_designs: BTreeMap<u64, Vec<f64>>,
     /// Evaluations of infill points by an external program.
@@ -57,11 +60,15 @@ impl Rows {
             infill: store.infill().await?,
             ..Self::default()
         };
+        let plausibility = Plausibility::read(store).await?;
         for row in &rows.infill {
             let held = infill_samples(store, row).await?;
             if held.len() as u64 == row.samples {
-                rows.samples
-                    .insert(row.infill, held.into_values().collect());
+                let held: Vec<f64> = held.into_values().collect();
+                match plausibility.absurd(problem, &held) {
+                    Some(absurd) => rows.absurd.insert(row.infill, absurd).map(drop),
+                    None => rows.samples.insert(row.infill, held).map(drop),
+                };
             }
             if let Some(evaluation) = constraints::evaluation(store, row).await? {
                 rows.evaluations.insert(row.infill, evaluation);
@@ -77,6 +84,21 @@ impl Rows {
             }
         }
         Ok(rows)
+    }
+
+    /// The infill points of the last round that count as failed because of an absurd sample: a sentence each.
+    #[must_use]
+    pub fn absurd(&self, problem: &Problem) -> Vec<String> {
+        let is_new = |row: &&InfillRow| !row.failed;
+        let sentence = |row: &InfillRow| {
+            let (sample, value) = self.absurd.get(&row.infill)?;
+            let (infill, name) = (row.infill, &problem.sampled().name);
+            Some(format!(
+                "infill point {infill} is left out: {name} of sample {sample} is {value:?}"
+            ))
+        };
+        let new = self.infill.iter().filter(is_new);
+        new.filter_map(sentence).collect()
     }
 
     /// The points that have no samples although their round is over.

@@ -24,12 +24,17 @@ use sha2::{Digest as _, Sha256};
 use store::{Derivation, DerivedResult, OptimiserRunRow, ResponseRow};
 
 use crate::names;
+use crate::plausibility::Plausibility;
 use crate::state::State;
 
+/// The derivation of responses, with the plausibility of the samples of an external program.
 #[must_use]
-pub fn of_responses(inputs: String, rows: &[ResponseRow]) -> Derivation {
+pub fn of_responses(inputs: String, rows: &[ResponseRow], found: &Plausibility) -> Derivation {
+    let found = (*found != Plausibility::default())
+        .then(|| serde_json::to_string(found).expect("plain numbers serialise"));
     Derivation {
         output: Some(Digest::new("responses").with(&format!("{rows:?}")).hex()),
+        failure: found,
         ..Derivation::new(&DerivedResult::Responses, inputs)
     }
 }

@@ -6,6 +6,7 @@
 //! - [`designs`] makes the DoE.
 //! - [`responses`] says how many samples a design needs, and computes its response from them; [`linear`]
 //!   computes their control variate, and [`statistics`] the responses of the whole DoE.
+//! - [`plausibility`] finds samples of an external program that are absurd beside all others.
 //! - [`fitting`] fits the kriging model to the responses.
 //! - [`deciding`] decides rounds of infill from the store's rows; [`infill`] has their points and
 //!   settings, [`rounds`] the decisions, [`constraints`] models of an external program's constraints.
@@ -14,6 +15,7 @@
 //! - [`derived`] says which stored results are outdated.
 //! - [`searching`] takes optimiser runs on an external simulator from generation to generation.
 //! - [`verification`] says how many verification samples a design gets.
+//! - [`contradiction`] records results that differ from stored ones.
 //! - [`names`] has the names of streams in the store and in messages.
 //! - [`references`] has the designs that the paper prints.
 //!
@@ -21,6 +23,7 @@
 
 pub mod choosing;
 pub mod constraints;
+pub mod contradiction;
 pub mod cost;
 pub mod deciding;
 pub mod derived;
@@ -31,6 +34,7 @@ pub mod linear;
 pub mod names;
 pub mod optima;
 pub mod plan;
+pub mod plausibility;
 pub mod references;
 pub mod responses;
 pub mod rounds;

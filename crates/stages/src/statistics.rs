@@ -9,13 +9,14 @@ use stats::streams::Purpose;
 use store::{ResponseRow, SampleBlock};
 
 use crate::linear::LinearResponse;
+use crate::plausibility::{Outlier, Plausibility, Summary};
 use crate::responses::{self, Samples, Sufficiency};
 
 /// The result of a [`Collector`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum Outcome {
-    /// The responses of all designs that have enough samples.
-    Responses(Vec<ResponseRow>),
+    /// The responses of all designs that have enough samples, and none that is absurd.
+    Responses(Vec<ResponseRow>, Plausibility),
     /// No responses yet: the number of samples that each of these designs needs for the precision.
     Wants(BTreeMap<u64, u64>),
 }
@@ -32,6 +33,10 @@ pub struct Collector<'a> {
     samples: Vec<f64>,
     rows: Vec<ResponseRow>,
     wanting: BTreeMap<u64, u64>,
+    /// The plausibility of the samples behind `rows`; empty for the built-in simulator.
+    summaries: Vec<Summary>,
+    /// Stored samples that the campaign does not take.
+    refused: Vec<Outlier>,
 }
 
 impl<'a> Collector<'a> {
@@ -50,6 +55,8 @@ impl<'a> Collector<'a> {
             samples: Vec::new(),
             rows: Vec::new(),
             wanting: BTreeMap::new(),
+            summaries: Vec::new(),
+            refused: Vec::new(),
         }
     }
 
@@ -72,44 +79,80 @@ impl<'a> Collector<'a> {
     /// The responses from all samples, or the samples still needed.
     pub fn finish(mut self) -> anyhow::Result<Outcome> {
         self.close()?;
+        let mut found = Plausibility::of(&self.summaries);
+        found.outliers.append(&mut self.refused);
+        found.outliers.sort_by_key(|one| one.design);
+        self.rows.retain(|row| !found.excludes(row.design));
+        self.wanting.retain(|design, _| !found.excludes(*design));
         Ok(if self.wanting.is_empty() {
-            Outcome::Responses(self.rows)
+            Outcome::Responses(self.rows, found)
         } else {
             Outcome::Wants(self.wanting)
         })
     }
 
     fn close(&mut self) -> anyhow::Result<()> {
-        let settings = &self.problem.campaign().sampling;
-        if let Some(design) = self.design
-            && self.samples.len() >= settings.samples_per_design as usize
-        {
-            let context = || format!("the samples of design {design}");
-            let count =
-                match responses::sufficiency(&self.samples, settings).with_context(context)? {
-                    Sufficiency::Enough(count) => count,
-                    Sufficiency::Wants { samples, at_least } => {
-                        if !self.is_quarantined(design) {
-                            self.wanting.insert(design, samples as u64);
-                        }
-                        at_least
-                    }
-                };
-            let control = self.linear.get(&design).map(|linear| {
-                let stream = (Purpose::Wear, design);
-                let values = responses::controls(self.problem, stream, linear, count);
-                (values, linear.moments())
-            });
-            let samples = Samples {
-                values: &self.samples[..count],
-                control: control
-                    .as_ref()
-                    .map(|(values, known)| (&values[..], *known)),
-            };
-            let row = responses::response_of(design, samples, settings).with_context(context)?;
-            self.rows.push(row);
+        let mut samples = std::mem::take(&mut self.samples);
+        if let Some(design) = self.design {
+            let computed = self.respond(design, &samples);
+            computed.with_context(|| format!("the samples of design {design}"))?;
         }
-        self.samples.clear();
+        samples.clear();
+        self.samples = samples;
+        Ok(())
+    }
+
+    /// Computes the response of a design if it has enough samples.
+    fn respond(&mut self, design: u64, samples: &[f64]) -> Result<(), stats::Error> {
+        let settings = &self.problem.campaign().sampling;
+        let first = settings.samples_per_design as usize;
+        if samples.len() < first {
+            return Ok(());
+        }
+        // The campaign may have got limits since they were stored.
+        let is_external = self.problem.campaign().is_external();
+        let is_refused = |value: &f64| is_external && self.problem.check_sample(*value).is_err();
+        let refused = samples.iter().position(is_refused);
+        let taken = &samples[..refused.unwrap_or(samples.len())];
+        let sufficiency = (taken.len() >= first)
+            .then(|| responses::sufficiency(taken, settings))
+            .transpose()?;
+        let count = match (sufficiency, refused) {
+            (Some(Sufficiency::Enough(count)), _) => count,
+            (Some(Sufficiency::Wants { samples, at_least }), None) => {
+                if !self.is_quarantined(design) {
+                    self.wanting.insert(design, samples as u64);
+                }
+                at_least
+            }
+            (_, Some(sample)) => {
+                self.refused.push(Outlier {
+                    design,
+                    sample: sample as u64,
+                    value: samples[sample],
+                    is_excluded: true,
+                });
+                return Ok(());
+            }
+            (None, None) => return Ok(()),
+        };
+        let control = self.linear.get(&design).map(|linear| {
+            let stream = (Purpose::Wear, design);
+            let values = responses::controls(self.problem, stream, linear, count);
+            (values, linear.moments())
+        });
+        let samples = Samples {
+            values: &taken[..count],
+            control: control
+                .as_ref()
+                .map(|(values, known)| (&values[..], *known)),
+        };
+        self.rows
+            .push(responses::response_of(design, samples, settings)?);
+        if is_external {
+            self.summaries
+                .extend(Summary::of(design, samples.values, first));
+        }
         Ok(())
     }
 
@@ -169,7 +212,7 @@ mod tests {
         held.extend(blocks(3, 8..12, 0.2));
         held.extend(blocks(4, 0..6, 0.2));
         held.extend(blocks(4, 6..10, 0.2));
-        let Outcome::Responses(responses) = computed(&problem(None), &held, &[]) else {
+        let Outcome::Responses(responses, _) = computed(&problem(None), &held, &[]) else {
             panic!("nothing more is wanted without a precision");
         };
         let designs: Vec<u64> = responses.iter().map(|row| row.design).collect();
@@ -190,9 +233,61 @@ mod tests {
         let precise = problem(Some(0.1));
         let wants = computed(&precise, &held, &[]);
         assert_eq!(wants, Outcome::Wants(BTreeMap::from([(1, 20)])));
-        let Outcome::Responses(responses) = computed(&precise, &held, &[1]) else {
+        let Outcome::Responses(responses, _) = computed(&precise, &held, &[1]) else {
             panic!("what is quarantined is not waited for");
         };
         assert_eq!(responses.len(), 2);
+    }
+
+    /// An external campaign with these keys of `[response]` and of `[sampling]`.
+    fn external(response: &str, sampling: &str) -> Problem {
+        let text = include_str!("../../../campaigns/ishigami/campaign.toml");
+        let text = text.replace("[response]\n", &format!("[response]\n{response}\n"));
+        let mut campaign = Campaign::parse("c.toml", &text).unwrap();
+        campaign.sampling = problem(None).campaign().sampling;
+        campaign.sampling.precision = (!sampling.is_empty()).then_some(0.1);
+        campaign.sampling.samples_max = (!sampling.is_empty()).then_some(60);
+        Problem::new(campaign)
+    }
+
+    /// The squares of 1e160 overflow; a fit through 1e50 predicts as much below zero elsewhere.
+    #[test]
+    fn an_absurd_sample_costs_its_design_alone() {
+        for (value, limit, precision) in [
+            (1e160, "", ""),
+            (1e50, "", ""),
+            (1e50, "", "precise"),
+            (1e160, "", "precise"),
+            (7.0, "max = 5.0", "precise"),
+            (7.0, "max = 5.0", ""),
+        ] {
+            let problem = external(limit, precision);
+            let mut held: Vec<SampleBlock> = (0..5).flat_map(|d| blocks(d, 0..10, 0.01)).collect();
+            let undisturbed = computed(&problem, &held, &[]);
+            held[2].samples[4] = value;
+            let Outcome::Responses(responses, found) = computed(&problem, &held, &[]) else {
+                panic!("{value:?}: the absurd sample asks for more")
+            };
+            let outlier = Outlier {
+                design: 2,
+                sample: 4,
+                value,
+                is_excluded: true,
+            };
+            assert_eq!(found.outliers, [outlier]);
+            let Outcome::Responses(mut all, none) = undisturbed else {
+                panic!("ten samples are enough")
+            };
+            assert_eq!(none.outliers, []);
+            all.remove(2);
+            assert_eq!(responses, all, "{value:?}");
+            let [sentence] = &found.sentences(&problem)[..] else {
+                panic!("one sentence")
+            };
+            assert!(
+                sentence.contains("design 2 (y of sample 4 is "),
+                "{sentence}"
+            );
+        }
     }
 }

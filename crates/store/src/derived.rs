@@ -55,7 +55,7 @@ pub struct Derivation {
     pub inputs: String,
     /// The digest of the result; `None` where no other result is computed from it.
     pub output: Option<String>,
-    /// Why there is no result, for a fit that failed.
+    /// Why there is no result, for a fit that failed; for responses, which samples are not plausible, as JSON.
     pub failure: Option<String>,
 }
 

@@ -311,3 +311,21 @@ fn a_sample_that_fails_on_one_machine_is_tried_on_another() {
     assert_eq!(ledger.quarantined().count(), 0);
     assert_eq!(ledger.counts().free + ledger.counts().waiting, 0);
 }
+
+/// Either of the two workers may be wrong.
+#[test]
+fn a_contradiction_counts_against_its_stream_alone() {
+    let options = Options {
+        max_worker_strikes: 1,
+        ..alone()
+    };
+    let mut ledger = ledger(options, 2, 8, &["a"]);
+    for is_contradiction in [true, false] {
+        let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+        let mut delivery = failure_of(&grant);
+        delivery.failed[0].is_contradiction = is_contradiction;
+        let (failed, suspended) = ledger.deliver(&worker("a"), grant.lease, &delivery, at(0.1));
+        assert_eq!(failed, [Failure::Retry(at(0.5))]);
+        assert_eq!(suspended.is_none(), is_contradiction);
+    }
+}

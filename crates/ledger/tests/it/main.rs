@@ -66,6 +66,7 @@ pub(crate) fn failure_of(grant: &Grant<()>) -> Delivery {
             stream: grant.units[0].0.stream,
             sample: Some(grant.units[0].0.samples.start),
             error: "no load path".to_owned(),
+            is_contradiction: false,
         }],
         ..Delivery::default()
     }

@@ -146,12 +146,13 @@ impl Campaign {
         values.enrichment = None;
         values.kriging = self.kriging.without_choices();
         values.simulator = self.simulator.without_retries();
+        values.set_limits([None; 2]);
         Sha256::digest(values.to_json().as_bytes()).into()
     }
 
     /// Whether this campaign is a larger version of `held`: more designs, more samples per design
-    /// or more verification samples, an enrichment or a larger budget for it, or another model with
-    /// the same kernel, and everything else the same. The samples taken for `held` are then part of
+    /// or more verification samples, an enrichment or a larger budget for it, other limits of the
+    /// response, or another model with the same kernel, and everything else the same. The samples taken for `held` are then part of
     /// this campaign.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
@@ -167,6 +168,7 @@ impl Campaign {
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify = held.verify;
         same.enrichment = held.enrichment;
+        same.set_limits(held.limits());
         if same.simulator.without_retries() == held.simulator.without_retries() {
             same.simulator = held.simulator;
         }
@@ -174,6 +176,20 @@ impl Campaign {
             same.kriging = held.kriging.clone();
         }
         grows && enriches && same == *held
+    }
+
+    /// `response.min` and `response.max`. They decide which samples are taken, not their values.
+    fn limits(&self) -> [Option<f64>; 2] {
+        match &self.kind {
+            Kind::Gears(_) => [None; 2],
+            Kind::External(sections) => [sections.response.min, sections.response.max],
+        }
+    }
+
+    fn set_limits(&mut self, limits: [Option<f64>; 2]) {
+        if let Kind::External(sections) = &mut self.kind {
+            [sections.response.min, sections.response.max] = limits;
+        }
     }
 
     /// The keys of the file with their values; those without a value are left out.

@@ -65,6 +65,10 @@ pub struct ResponseSection {
     /// Whether the program also computes the response without random effects.
     #[serde(default)]
     pub baseline: bool,
+    /// Smallest plausible value: a smaller one is a failure of its sample.
+    pub min: Option<f64>,
+    /// Largest plausible value: a larger one is a failure of its sample.
+    pub max: Option<f64>,
 }
 
 /// The preferred values of the response.
@@ -165,28 +169,40 @@ impl ExternalSections {
         for (index, constraint) in self.constraints.iter().enumerate() {
             let section = format!("constraints[{}]", index + 1);
             named(&section, &constraint.name, &constraint.unit)?;
-            let limits = [("min", constraint.min), ("max", constraint.max)];
-            if limits.iter().all(|(_, limit)| limit.is_none()) {
+            let limits = [constraint.min, constraint.max];
+            if limits == [None, None] {
                 let key = format!("{section}.max");
                 return Err(source.missing(&key, "given, or min, or both"));
             }
-            for (key, limit) in limits {
-                source.require(
-                    limit.is_none_or(f64::is_finite),
-                    &format!("{section}.{key}"),
-                    limit.unwrap_or_default(),
-                    "a finite number",
-                )?;
-            }
-            if let (Some(min), Some(max)) = (constraint.min, constraint.max) {
-                source.require(
-                    min < max,
-                    &format!("{section}.max"),
-                    max,
-                    &format!("a number above min, which is {min:?}"),
-                )?;
-            }
+            check_limits(source, &section, limits)?;
         }
-        named("response", &self.response.name, &self.response.unit)
+        let response = &self.response;
+        named("response", &response.name, &response.unit)?;
+        check_limits(source, "response", [response.min, response.max])
     }
+}
+
+/// Requires that limits, the smallest and the largest value, leave a range.
+fn check_limits(
+    source: Source<'_>,
+    section: &str,
+    [min, max]: [Option<f64>; 2],
+) -> Result<(), FileError> {
+    for (key, limit) in [("min", min), ("max", max)] {
+        source.require(
+            limit.is_none_or(f64::is_finite),
+            &format!("{section}.{key}"),
+            limit.unwrap_or_default(),
+            "a finite number",
+        )?;
+    }
+    if let (Some(min), Some(max)) = (min, max) {
+        source.require(
+            min < max,
+            &format!("{section}.max"),
+            max,
+            &format!("a number above min, which is {min:?}"),
+        )?;
+    }
+    Ok(())
 }

@@ -3,6 +3,22 @@
 use super::{Analysis, Constraint, Coordinate, Criteria, Quantity};
 use crate::file::{Aim, ExternalSections};
 
+/// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
+const LARGEST: f64 = 1e100;
+
+/// Checks that a statistic can be computed of this number. The error is a phrase without its subject.
+pub(super) fn check_number(value: f64) -> Result<(), String> {
+    if !value.is_finite() {
+        return Err(format!("is {value}, which is not a number"));
+    }
+    if value.abs() > LARGEST {
+        return Err(format!(
+            "is {value:?}, but numbers beyond ±{LARGEST:?} have no variance in double precision"
+        ));
+    }
+    Ok(())
+}
+
 /// The problem of an external campaign.
 #[derive(Debug, Clone)]
 pub(super) struct External {
@@ -49,6 +65,27 @@ impl External {
     pub(super) fn sampled(&self) -> Quantity {
         let response = &self.sections.response;
         Quantity::new(&response.name, &response.unit)
+    }
+
+    /// Checks that this number can be a value of the response. The error is a phrase without its subject.
+    pub(super) fn check_sample(&self, value: f64) -> Result<(), String> {
+        check_number(value)?;
+        let response = &self.sections.response;
+        let broken = match (response.min, response.max) {
+            (Some(min), _) if value < min => Some(("below", "smallest", min, "response.min")),
+            (_, Some(max)) if value > max => Some(("above", "largest", max, "response.max")),
+            _ => None,
+        };
+        let Some((side, which, limit, key)) = broken else {
+            return Ok(());
+        };
+        let unit = match &*response.unit {
+            "" => String::new(),
+            unit => format!(" {unit}"),
+        };
+        Err(format!(
+            "is {value:?}{unit}, {side} the {which} plausible value {limit:?}{unit} ({key})"
+        ))
     }
 
     pub(super) const fn aim(&self) -> Aim {

@@ -129,3 +129,58 @@ fn what_is_wrong_is_named_with_its_line() {
         );
     }
 }
+
+#[test]
+fn a_value_beyond_the_limits_of_the_response_is_none() {
+    let limited = |lines: &str| {
+        with(
+            "[response]\n",
+            &format!("[response]\n{lines}\nunit = \"mm\"\n"),
+        )
+    };
+    let campaign = limited("min = -50.0\nmax = 100.0").unwrap();
+    assert_eq!(Campaign::from_json(&campaign.to_json()).unwrap(), campaign);
+    let problem = Problem::new(campaign.clone());
+    for plausible in [-50.0, 0.0, 100.0] {
+        problem.check_sample(plausible).unwrap();
+    }
+    for (value, says) in [
+        (
+            1e50,
+            "is 1e50 mm, above the largest plausible value 100.0 mm (response.max)",
+        ),
+        (
+            -50.5,
+            "is -50.5 mm, below the smallest plausible value -50.0 mm (response.min)",
+        ),
+        (1e160, "is 1e160, but numbers beyond ±1e100"),
+        (f64::NAN, "is NaN, which is not a number"),
+    ] {
+        assert!(problem.check_sample(value).unwrap_err().starts_with(says));
+        // The response without random effects has the same limits.
+        let error = problem.check_responses(&[value]).unwrap_err();
+        assert!(error.starts_with(&format!("y {says}")), "{error}");
+    }
+    // A failed sample is infinite.
+    problem.check_sample(f64::INFINITY).unwrap();
+
+    // Other limits change no number, so that the store keeps its samples.
+    let free = limited("").unwrap();
+    assert_eq!(free.values_digest(), campaign.values_digest());
+    assert!(free.extends(&campaign) && campaign.extends(&free));
+    assert_ne!(free.digest(), campaign.digest());
+
+    for (lines, says) in [
+        (
+            "max = inf",
+            "response.max is inf, but must be a finite number",
+        ),
+        (
+            "min = 2.0\nmax = 1.0",
+            "response.max is 1.0, but must be a number above min, which is 2.0",
+        ),
+    ] {
+        let error = limited(lines).unwrap_err();
+        assert!(error.contains(says), "{error}");
+    }
+}

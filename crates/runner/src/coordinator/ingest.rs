@@ -165,8 +165,12 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluation) -> Result<(), Str
             return Err(format!("has a criterion that is {value}"));
         }
     }
-    let mut samples = answer.samples.iter();
-    samples.try_for_each(|sample| problem.check_sample(*sample))
+    let value = problem.has_baseline().then_some(answer.analysis.value);
+    let mut samples = value.iter().chain(&answer.samples);
+    samples.try_for_each(|sample| {
+        let checked = problem.check_sample(*sample);
+        checked.map_err(|why| format!("has a {} that {why}", problem.sampled().name))
+    })
 }
 
 #[cfg(test)]
@@ -254,6 +258,38 @@ mod tests {
             (batch.times[0].stream, batch.times[0].part),
             (point.stream, 5)
         );
+    }
+
+    /// Results of workers, of shards and of files of undelivered results are all read here.
+    #[test]
+    fn samples_beyond_the_limits_of_the_campaign_are_a_failure() {
+        let text = include_str!("../../../../campaigns/ishigami/campaign.toml");
+        let text = text.replace("[response]\n", "[response]\nmax = 100.0\n");
+        let problem = Problem::new(Campaign::parse("c.toml", &text).unwrap());
+        let design = unit(StreamId::design(3), 5..7);
+        let of_samples = |samples: [f64; 2], baseline: f64| {
+            let output = Output::Design {
+                responses: vec![baseline],
+                ruled_out: None,
+                samples: samples.to_vec(),
+            };
+            let sent = crate::protocol::result(&design, &Ok(Some(output)), 0.0);
+            read(&problem, &sent).unwrap().rows
+        };
+        assert_eq!(of_samples([1.0, 100.0], 2.0).unwrap().samples.len(), 1);
+        for (value, says) in [
+            (
+                1e50,
+                "is 1e50, above the largest plausible value 100.0 (response.max)",
+            ),
+            (1e160, "is 1e160, but numbers beyond ±1e100"),
+        ] {
+            let error = of_samples([1.0, value], 2.0).unwrap_err();
+            let expected = format!("design-3: y of sample 6 {says}");
+            assert!(error.starts_with(&expected), "{error}");
+            let error = of_samples([1.0, 1.0], value).unwrap_err();
+            assert!(error.starts_with(&format!("design-3: y {says}")), "{error}");
+        }
     }
 
     #[test]

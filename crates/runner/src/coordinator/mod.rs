@@ -20,6 +20,7 @@ pub mod engine;
 pub mod ingest;
 mod leases;
 pub mod local;
+mod models;
 mod pace;
 pub mod provenance;
 mod receiver;

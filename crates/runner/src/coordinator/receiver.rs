@@ -3,12 +3,13 @@
 
 use std::ops::Range;
 
+use crate::protocol::Refusal;
 use crate::protocol::v1::{LeaseResult, UnitResult};
 use futures_util::future::join_all;
 use ledger::{Delivery, Failure, Generation, LeaseId, StreamId, Unit, Verdict, WorkerId};
 use problem::formulation::Problem;
 use problem::task::{self, Evaluation, Output, Source};
-use stages::names;
+use stages::{contradiction, names};
 use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleBlock};
 use tonic::Status;
 use tracing::{debug, error, info, warn};
@@ -19,6 +20,9 @@ use crate::coordinator::recorder::Recorder;
 
 /// Maximum length of a recorded error message, in bytes.
 const ERROR_BYTES: usize = 16 << 10;
+
+/// The worker of a stored result in messages: the store does not name it.
+const EARLIER: &str = "an earlier worker";
 
 /// The receiver of reported results.
 pub(crate) struct Receiver<'a, R> {
@@ -55,6 +59,9 @@ impl<R: Recorder> Receiver<'_, R> {
                 commits.push(async move { (of, self.commit(group).await) });
             }
             all.push(brought);
+        }
+        if !commits.is_empty() {
+            self.pin_model(worker).await?;
         }
         // The writer commits all waiting batches at once.
         for (of, committed) in join_all(commits).await {
@@ -94,7 +101,10 @@ impl<R: Recorder> Receiver<'_, R> {
             }
             for (failed, outcome) in counted.into_iter().zip(outcomes) {
                 let outcome = match outcome {
-                    Failure::Conclusive if !self.conclude(&failed).await? => {
+                    // A contradiction is no failure of the simulator, which could be a result.
+                    Failure::Conclusive
+                        if failed.contradicts || !self.conclude(&failed).await? =>
+                    {
                         self.board.give_up(failed.stream, &failed.error);
                         Failure::Quarantined
                     }
@@ -104,6 +114,15 @@ impl<R: Recorder> Receiver<'_, R> {
             }
         }
         Ok(())
+    }
+
+    /// Records the worker's simulator as the campaign's, if no result of another one is stored.
+    async fn pin_model(&self, worker: &WorkerId) -> Result<(), Status> {
+        let pinned = self.recorder.pin_model(worker.as_str()).await;
+        pinned.map_err(|failed| match failed {
+            store::Error::ModelDigestConflict { .. } => other_model(),
+            failed => not_stored(&failed),
+        })
     }
 
     /// Reads the result of a unit and adds it to `brought`.
@@ -331,6 +350,7 @@ impl FailedUnit {
             stream: self.stream,
             sample: (!self.samples.is_empty()).then_some(self.samples.start),
             error: self.error.clone(),
+            is_contradiction: self.contradicts,
         }
     }
 }
@@ -347,20 +367,37 @@ impl LeaseResults {
             Err(refused) => {
                 // The stored numbers stay, and the contradiction is recorded. Settled samples stay
                 // settled; any others are leased to another worker.
-                error!(%job, %worker, error = %refused, "a worker contradicts the store");
+                let contradicts = matches!(refused, store::Error::Conflict { .. });
+                let error = match contradicts {
+                    true => {
+                        let difference = refused.to_string();
+                        let (of, worker) = (unit.stream, worker.as_str());
+                        contradiction::record(of, worker, EARLIER, &difference)
+                    }
+                    false => refused.to_string(),
+                };
+                error!(%job, %worker, %error, "a result that cannot be stored");
                 self.failed.push(FailedUnit {
                     stream: unit.stream,
                     samples: unit.samples.start..unit.samples.start,
                     serial,
-                    error: refused.to_string(),
-                    contradicts: true,
+                    error,
+                    contradicts,
                 });
             }
         }
     }
 }
 
-fn not_stored(error: &store::Error) -> Status {
+/// The refusal of a worker with another simulator.
+pub(crate) fn other_model() -> Status {
+    Refusal::Model.status(
+        "the worker's simulator gives other numbers than this campaign's, so their samples must not be mixed: run the \
+         same build (or the same external program) everywhere",
+    )
+}
+
+pub(crate) fn not_stored(error: &store::Error) -> Status {
     Status::unavailable(format!("not stored: {error}"))
 }
 

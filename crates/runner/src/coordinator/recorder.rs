@@ -1,10 +1,12 @@
 //! The recorder of results and source of the status of a coordinator.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use results::status::{self, Status};
 use store::{Batch, Receipt, Store, Writer};
 use tokio::sync::watch;
+
+use crate::coordinator::models::Models;
 
 /// The recorder of results and source of the status: the store, or a substitute for it in tests.
 #[tonic::async_trait]
@@ -15,9 +17,16 @@ pub trait Recorder: Clone + Send + Sync + 'static {
     /// Whether the failure of this worker with this serial number is recorded.
     async fn knows_failure(&self, worker: &str, serial: u64) -> Result<bool, store::Error>;
 
-    /// Compares `offered` with the recorded digest of the simulator, and records it if there is
-    /// none.
-    async fn pin_model(&self, offered: &str) -> Result<(), store::Error>;
+    /// Compares the digest of a worker's simulator with the recorded one, and remembers it until one is
+    /// recorded.
+    async fn offer_model(&self, worker: &str, offered: &str) -> Result<(), store::Error>;
+
+    /// Records the digest that a worker has offered, before its first result is stored. Refuses it if another one is
+    /// recorded.
+    async fn pin_model(&self, worker: &str) -> Result<(), store::Error>;
+
+    /// Whether the digest that a worker has offered is another one than that recorded since.
+    fn has_other_model(&self, worker: &str) -> bool;
 
     /// The status of the campaign.
     async fn status(&self) -> anyhow::Result<Status>;
@@ -29,6 +38,7 @@ pub struct StoreRecorder {
     writer: Writer,
     /// The first write error not caused by the rows themselves.
     broken: Arc<watch::Sender<Option<store::Error>>>,
+    models: Arc<Mutex<Models>>,
 }
 
 impl StoreRecorder {
@@ -38,7 +48,12 @@ impl StoreRecorder {
             store: store.clone(),
             writer: store.writer()?,
             broken: Arc::new(watch::Sender::new(None)),
+            models: Arc::default(),
         })
+    }
+
+    fn models(&self) -> MutexGuard<'_, Models> {
+        self.models.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Waits until the store cannot be written any more, for example because the disk is full, and
@@ -79,8 +94,36 @@ impl Recorder for StoreRecorder {
         self.store.knows_failure(worker, serial).await
     }
 
-    async fn pin_model(&self, offered: &str) -> Result<(), store::Error> {
-        self.store.pin_model_digest(offered).await
+    async fn offer_model(&self, worker: &str, offered: &str) -> Result<(), store::Error> {
+        if !self.models().is_pinned()
+            && let Some(stored) = self.store.campaign().await?.model_digest
+        {
+            self.models().pin(&stored);
+        }
+        let compared = self.models().offer(worker, offered);
+        compared.map_err(|stored| store::Error::ModelDigestConflict {
+            stored,
+            offered: offered.to_owned(),
+        })
+    }
+
+    async fn pin_model(&self, worker: &str) -> Result<(), store::Error> {
+        let offered: Option<String> = self.models().offered(worker).map(str::to_owned);
+        // Without one, the worker's digest is on record.
+        let Some(offered) = offered else {
+            return Ok(());
+        };
+        let pinned = self.store.pin_model_digest(&offered).await;
+        match &pinned {
+            Ok(()) => self.models().pin(&offered),
+            Err(store::Error::ModelDigestConflict { stored, .. }) => self.models().pin(stored),
+            Err(_) => {}
+        }
+        pinned
+    }
+
+    fn has_other_model(&self, worker: &str) -> bool {
+        self.models().is_foreign(worker)
     }
 
     async fn status(&self) -> anyhow::Result<Status> {

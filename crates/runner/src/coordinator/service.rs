@@ -19,7 +19,7 @@ use tracing::info;
 
 use crate::coordinator::board::{Board, Course, Room};
 use crate::coordinator::leases;
-use crate::coordinator::receiver::{Receiver, beginning};
+use crate::coordinator::receiver::{Receiver, beginning, not_stored, other_model};
 use crate::coordinator::recorder::Recorder;
 
 /// Maximum time that a call may wait for a change.
@@ -78,7 +78,8 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         // simulator registers it.
         let mut cancelled = Vec::new();
         if !request.model_digest.is_empty() {
-            self.check_model(&request.model_digest).await?;
+            self.check_model(&request.worker_id, &request.model_digest)
+                .await?;
             let held = request.held.iter().map(|held| {
                 let units: Result<Vec<Unit>, _> = held.units.iter().map(Unit::try_from).collect();
                 // A lease with malformed units is registered without units and thus cancelled.
@@ -121,6 +122,9 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             }));
         }
         self.attend(peer, &worker);
+        if self.recorder.has_other_model(worker.as_str()) {
+            return Err(other_model());
+        }
         let wait = Duration::from_millis(request.wait_ms.into()).min(LONGEST_WAIT);
         let room = Room {
             leases: (request.credit as usize).min(10_000),
@@ -144,6 +148,13 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 directive: Directive::Register.into(),
             }));
         }
+        let leases = request.results.iter();
+        let leases: Vec<LeaseId> = leases
+            .map(|result| result.id.unwrap_or_default().into())
+            .collect();
+        if self.recorder.has_other_model(worker.as_str()) {
+            return Err(self.dismiss_other_model(&worker, &leases));
+        }
         // A worker whose calls time out must not pile up reports here.
         let Some(reporting) = self.board.begin_report(&worker) else {
             return Err(Status::unavailable(
@@ -160,6 +171,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             };
             let taken = receiver.take_results(&worker, request.results).await;
             drop(reporting);
+            // Another worker's results were stored first.
+            if taken.is_err() && service.recorder.has_other_model(worker.as_str()) {
+                return Err(service.dismiss_other_model(&worker, &leases));
+            }
             taken
         });
         taken
@@ -177,7 +192,9 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         let peer = peer(&request);
         let request = request.into_inner();
         let worker = WorkerId::from(request.worker_id.as_str());
-        if !self.board.is_known(&worker) {
+        // The worker learns the refusal when it registers again.
+        let is_refused = self.recorder.has_other_model(worker.as_str());
+        if is_refused || !self.board.is_known(&worker) {
             return Ok(Response::new(HeartbeatResponse {
                 directive: Directive::Register.into(),
                 cancelled: Vec::new(),
@@ -313,23 +330,24 @@ impl<R: Recorder> Service<R> {
         (self.board.lease_time() / HEARTBEATS_PER_LEASE).as_millis() as u32
     }
 
-    async fn check_model(&self, offered: &str) -> Result<(), Status> {
-        let refuse = || {
-            Refusal::Model.status(
-                "the worker's simulator gives other numbers than the one that this campaign was \
-                 started with, so their samples must not be mixed: run the same build (or \
-                 the same external program) everywhere",
-            )
-        };
+    /// Refuses a worker whose simulator is another one than the campaign's. An external program is the campaign's
+    /// once a result of it is stored.
+    async fn check_model(&self, worker: &str, offered: &str) -> Result<(), Status> {
         match &self.model_digest {
             Some(digest) if digest == offered => Ok(()),
-            Some(_) => Err(refuse()),
-            None => match self.recorder.pin_model(offered).await {
+            Some(_) => Err(other_model()),
+            None => match self.recorder.offer_model(worker, offered).await {
                 Ok(()) => Ok(()),
-                Err(store::Error::ModelDigestConflict { .. }) => Err(refuse()),
-                Err(failed) => Err(Status::unavailable(format!("not stored: {failed}"))),
+                Err(store::Error::ModelDigestConflict { .. }) => Err(other_model()),
+                Err(failed) => Err(not_stored(&failed)),
             },
         }
+    }
+
+    /// Frees the leases of a worker whose results are refused, without counting a crash, and returns the refusal.
+    fn dismiss_other_model(&self, worker: &WorkerId, leases: &[LeaseId]) -> Status {
+        self.board.release(worker, leases, true);
+        other_model()
     }
 
     async fn status_json(&self) -> Result<String, Status> {

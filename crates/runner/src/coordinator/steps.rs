@@ -81,9 +81,12 @@ impl Steps {
                 );
                 Ok(Some(wanting))
             }
-            Outcome::Responses(rows) => {
+            Outcome::Responses(rows, found) => {
                 info!(designs = rows.len(), "responses computed");
-                let derivation = derived::of_responses(inputs.to_owned(), &rows);
+                for sentence in found.sentences(&self.problem) {
+                    warn!("{sentence}");
+                }
+                let derivation = derived::of_responses(inputs.to_owned(), &rows, &found);
                 self.store.put_responses(&rows, &derivation).await?;
                 Ok(None)
             }
@@ -168,6 +171,9 @@ impl Steps {
     /// Decides the next round of enrichment and stores it.
     pub(crate) async fn decide_round(&self, base: Design, inputs: &str) -> anyhow::Result<()> {
         let rows = Rows::read(&self.store, &self.problem).await?;
+        for sentence in rows.absurd(&self.problem) {
+            warn!("{sentence}");
+        }
         let problem = Arc::clone(&self.problem);
         let decide = move || rows.decide(&problem, &base);
         let (decided, cpu_seconds) = blocking(decide).await?;

@@ -24,7 +24,7 @@ use tempfile::TempDir;
 use tonic::Request;
 
 /// Number of samples that the only design needs.
-const SAMPLES: usize = 10;
+pub(crate) const SAMPLES: usize = 10;
 
 /// The only design.
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
@@ -49,15 +49,15 @@ fn board(problem: &Problem, epoch: u64) -> Arc<Board> {
     Arc::new(board)
 }
 
-struct Bench {
+pub(crate) struct Bench {
     _folder: TempDir,
     problem: Arc<Problem>,
-    service: Service<StoreRecorder>,
-    board: Arc<Board>,
-    store: Store,
+    pub(crate) service: Service<StoreRecorder>,
+    pub(crate) board: Arc<Board>,
+    pub(crate) store: Store,
 }
 
-async fn bench() -> Bench {
+pub(crate) async fn bench() -> Bench {
     let folder = tempfile::tempdir().unwrap();
     let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
     let row = CampaignRow {
@@ -90,7 +90,7 @@ async fn bench() -> Bench {
 }
 
 impl Bench {
-    fn introduction(&self, worker: &str) -> RegisterRequest {
+    pub(crate) fn introduction(&self, worker: &str) -> RegisterRequest {
         RegisterRequest {
             worker_id: worker.to_owned(),
             host: "here".to_owned(),
@@ -102,11 +102,11 @@ impl Bench {
         }
     }
 
-    async fn register(&self, request: RegisterRequest) -> Result<(), tonic::Status> {
+    pub(crate) async fn register(&self, request: RegisterRequest) -> Result<(), tonic::Status> {
         self.service.register(Request::new(request)).await.map(drop)
     }
 
-    async fn lease(&self, worker: &str) -> (Vec<Lease>, Directive) {
+    pub(crate) async fn lease(&self, worker: &str) -> (Vec<Lease>, Directive) {
         let request = LeaseRequest {
             worker_id: worker.to_owned(),
             credit: 1,
@@ -123,7 +123,7 @@ impl Bench {
         (response.leases, directive)
     }
 
-    async fn report(&self, worker: &str, result: LeaseResult) -> Directive {
+    pub(crate) async fn report(&self, worker: &str, result: LeaseResult) -> Directive {
         let request = ReportRequest {
             worker_id: worker.to_owned(),
             results: vec![result],
@@ -137,7 +137,7 @@ impl Bench {
     }
 
     /// The results of a correct worker for a lease.
-    fn answer(&self, lease: &Lease) -> LeaseResult {
+    pub(crate) fn answer(&self, lease: &Lease) -> LeaseResult {
         let results = lease.units().unwrap();
         let results = results.iter().map(|(unit, source)| {
             let output = compute(&*self.problem, unit, source);
@@ -150,7 +150,7 @@ impl Bench {
         }
     }
 
-    async fn samples(&self) -> usize {
+    pub(crate) async fn samples(&self) -> usize {
         self.store
             .samples_of(StreamId::design(0))
             .await
@@ -245,7 +245,21 @@ async fn a_result_that_contradicts_the_store_is_loud_and_changes_nothing() {
     assert_eq!(failures.len(), 1);
     assert_eq!(failures[0].worker, "wrong");
     let error = &failures[0].error;
-    assert!(error.contains("sample 7 of design-0"), "{error}");
+    for part in [
+        "sample 7 of design-0",
+        "wrong and an earlier worker",
+        "coordinator discard --db FILE --design 0 --yes",
+    ] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    let status = results::status::read(&bench.store).await.unwrap();
+    let warnings = &status.warnings;
+    assert!(
+        warnings.len() == 1
+            && warnings[0].contains("for the same job")
+            && warnings[0].contains("design-0"),
+        "{warnings:?}"
+    );
 }
 
 #[tokio::test]

@@ -84,6 +84,7 @@ pub(super) fn failure_of(grant: &Grant<()>) -> Delivery {
         stream: unit.stream,
         sample: Some(unit.samples.start),
         error: "no load path".to_owned(),
+        is_contradiction: false,
     });
     Delivery {
         failed: failed.collect(),
