@@ -16,9 +16,10 @@ use tracing::{debug, error, info, warn};
 use crate::coordinator::board::Board;
 use crate::coordinator::ingest;
 use crate::coordinator::recorder::Recorder;
+use crate::outside;
 
 /// Maximum length of a recorded error message, in bytes.
-const ERROR_BYTES: usize = 16 << 10;
+const ERROR_BYTES: usize = 1 << 10;
 
 /// The receiver of reported results.
 pub(crate) struct Receiver<'a, R> {
@@ -137,7 +138,7 @@ impl<R: Recorder> Receiver<'_, R> {
                     None => read.unit.samples.start..read.unit.samples.start,
                 },
                 serial: read.serial,
-                error,
+                error: outside::shortened(&outside::clean(&error), ERROR_BYTES),
                 contradicts: false,
             }),
         }
@@ -251,7 +252,7 @@ impl<R: Recorder> Receiver<'_, R> {
         outcome: Failure,
     ) -> Result<(), Status> {
         let job = names::job_name(failed.stream, &failed.samples);
-        let error = beginning(&failed.error, ERROR_BYTES);
+        let error = outside::line(&failed.error);
         let kind = match outcome {
             Failure::Quarantined => {
                 error!(%job, %worker, %error, "quarantined");
@@ -280,7 +281,7 @@ impl<R: Recorder> Receiver<'_, R> {
             worker: worker.to_string(),
             serial: failed.serial,
             kind,
-            error: error.to_owned(),
+            error: failed.error,
             at_unix_ms: None,
         };
         let batch = Batch {
@@ -361,9 +362,4 @@ impl LeaseResults {
 
 fn not_stored(error: &store::Error) -> Status {
     Status::unavailable(format!("not stored: {error}"))
-}
-
-/// Returns the beginning of a text, at most `bytes` long.
-pub(crate) fn beginning(text: &str, bytes: usize) -> &str {
-    &text[..text.floor_char_boundary(bytes)]
 }
