@@ -6,6 +6,7 @@
 )]
 
 mod bad_input;
+mod broken_node;
 mod campaign;
 mod chaos;
 mod cluster;
