@@ -34,7 +34,7 @@ fn killed(sandbox: &Sandbox, db: &str) -> (String, u64) {
 }
 
 /// Runs a shell script in the sandbox with the program `coordinator` as `$0`.
-fn shell(sandbox: &Sandbox, script: &str) -> Output {
+pub(crate) fn shell(sandbox: &Sandbox, script: &str) -> Output {
     Command::new("sh")
         .args(["-c", script])
         .arg(binary("coordinator"))
@@ -46,7 +46,7 @@ fn shell(sandbox: &Sandbox, script: &str) -> Output {
 }
 
 /// Whether a mount namespace can be created, as root can in most containers.
-fn can_unshare() -> bool {
+pub(crate) fn can_unshare() -> bool {
     let probe = Command::new("unshare").args(["-m", "true"]).output();
     probe.is_ok_and(|output| output.status.success())
 }

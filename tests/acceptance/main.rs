@@ -7,6 +7,7 @@
 
 mod absurd;
 mod bad_input;
+mod broken_node;
 mod campaign;
 mod chaos;
 mod cluster;

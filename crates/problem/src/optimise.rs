@@ -42,7 +42,7 @@ const BESIDE: u64 = 1 << 20;
 /// A sentence: the model is missing or cannot be read, or the simulator failed. A run without any
 /// simulable design is a result, not an error.
 pub fn run(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> {
-    let result = run_while(simulator, run, &|| true)?;
+    let result = run_while(simulator, run, &|| true).map_err(|error| error.to_string())?;
     result.ok_or_else(|| "the run was stopped".to_owned())
 }
 
@@ -56,9 +56,9 @@ pub(crate) fn run_while(
     simulator: &dyn Simulator,
     run: &Run,
     keep_going: &dyn Fn() -> bool,
-) -> Result<Option<RunResult>, String> {
+) -> Result<Option<RunResult>, NoAnswer> {
     let problem = simulator.problem();
-    let mut search = Search::new(problem, run)?;
+    let mut search = Search::new(problem, run).map_err(NoAnswer::Failed)?;
     loop {
         if !keep_going() {
             return Ok(None);
@@ -75,15 +75,17 @@ pub(crate) fn run_while(
                         Err(NoAnswer::Refused(_)) => None,
                         Err(NoAnswer::Failed(error)) => {
                             let calls = search.seen.simulator_calls;
-                            return Err(format!("simulator call {calls}: {error}"));
+                            let error = format!("simulator call {calls}: {error}");
+                            return Err(NoAnswer::Failed(error));
                         }
+                        Err(machine) => return Err(machine),
                     }
                 }
                 _ => None,
             };
             told.push(search.evaluation(problem, &candidate, answered));
         }
-        if !search.tell(&told)? {
+        if !search.tell(&told).map_err(NoAnswer::Failed)? {
             return Ok(Some(search.result()));
         }
     }

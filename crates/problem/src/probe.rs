@@ -55,6 +55,8 @@ pub enum ProbeError {
     Fails(String),
     /// The simulator gave two values for one seed.
     Contradicts(String),
+    /// The machine cannot run the simulator.
+    Machine(String),
 }
 
 /// The answers of `simulator` about the first `designs` of a fixed set of designs. The first sample
@@ -64,7 +66,7 @@ pub enum ProbeError {
 ///
 /// # Errors
 ///
-/// The simulator failed on every design, or gave two values for one seed.
+/// The simulator failed on every design, gave two values for one seed, or cannot be run.
 pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, ProbeError> {
     let mut hash = Sha256::new();
     let (mut sampled, mut equal) = (0, 0);
@@ -96,7 +98,7 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
                     .copied()
                     .for_each(&mut absorb);
             }
-            let mut sample = |rng: &mut StreamRng| design.sample(rng).map_err(NoAnswer::Failed);
+            let mut sample = |rng: &mut StreamRng| design.sample(rng);
             let [first, second] = [sample(&mut rng)?, sample(&mut rng)?];
             absorb(first);
             absorb(second);
@@ -123,6 +125,7 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
                 absorb(1.0);
                 error = format!("question {design} of the model digest: {why}");
             }
+            Err(NoAnswer::Machine(why)) => return Err(ProbeError::Machine(why)),
         }
     }
     if let Some(fault) = fault {

@@ -21,6 +21,9 @@ pub enum NoAnswer {
     /// The simulator itself failed. Another attempt may succeed.
     #[error("{0}")]
     Failed(String),
+    /// The worker's machine cannot run the simulator, whatever the design: the cause and the remedy.
+    #[error("{0}")]
+    Machine(String),
 }
 
 /// A simulator of the designs of one campaign.
@@ -55,8 +58,8 @@ pub trait Prepared {
     ///
     /// # Errors
     ///
-    /// The simulator failed. Another attempt may succeed.
-    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String>;
+    /// The simulator or its machine failed. Another attempt may succeed.
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer>;
 
     /// The number of standard normal coefficients of the random flanks; 0 if the simulator's random
     /// effects are not known.
@@ -70,11 +73,11 @@ pub trait Prepared {
     /// # Errors
     ///
     /// The simulator does not accept coefficients.
-    fn sample_at(&mut self, _coefficients: &[f64]) -> Result<f64, String> {
-        Err(
+    fn sample_at(&mut self, _coefficients: &[f64]) -> Result<f64, NoAnswer> {
+        Err(NoAnswer::Failed(
             "this simulator draws its wear itself: sampling.coefficients must be \"independent\""
                 .to_owned(),
-        )
+        ))
     }
 }
 
@@ -126,7 +129,7 @@ impl Prepared for BuiltIn<'_> {
         })
     }
 
-    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer> {
         Ok(self.sampler().draw(rng))
     }
 
@@ -134,7 +137,7 @@ impl Prepared for BuiltIn<'_> {
         self.sampler().modes()
     }
 
-    fn sample_at(&mut self, coefficients: &[f64]) -> Result<f64, String> {
+    fn sample_at(&mut self, coefficients: &[f64]) -> Result<f64, NoAnswer> {
         Ok(self.sampler().at(coefficients))
     }
 }

@@ -1,9 +1,12 @@
 //! The work of a worker: its input, its output, and the pure function between them.
 
+use std::fmt;
+
 use stats::streams::Purpose;
 
 use crate::formulation::Design;
 use crate::optimise::{Answer, RunResult};
+use crate::simulator::NoAnswer;
 
 pub use crate::optimise::Run;
 
@@ -102,8 +105,29 @@ pub struct Failure {
     /// The sample or evaluation that failed; `None` for a failure of the unit as a whole, such as of
     /// the analyses of its design.
     pub sample: Option<u32>,
-    /// A sentence for the record of failures, which names the stream.
+    /// A sentence for the record of failures, which names the stream; the cause and the remedy if
+    /// the machine is at fault.
     pub error: String,
+    /// Whether the machine that computes is at fault, so that the failure says nothing about the
+    /// unit.
+    pub by_machine: bool,
+}
+
+impl Failure {
+    /// The failure of a request at `place`, which names the stream.
+    fn at(place: impl fmt::Display, sample: Option<u32>, why: NoAnswer) -> Self {
+        let (error, by_machine) = match why {
+            NoAnswer::Machine(error) => (error, true),
+            NoAnswer::Refused(error) | NoAnswer::Failed(error) => {
+                (format!("{place}: {error}"), false)
+            }
+        };
+        Self {
+            sample,
+            error,
+            by_machine,
+        }
+    }
 }
 
 /// The outcome of a unit.

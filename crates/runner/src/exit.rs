@@ -16,7 +16,8 @@ pub const USAGE: u8 = 2;
 /// An input file (campaign, pair, table or model) has an unknown or missing key, a wrong type or an
 /// invalid value.
 pub const BAD_FILE: u8 = 3;
-/// A file cannot be read or written, would be overwritten, or holds a secret that others can read.
+/// A file cannot be read or written, would be overwritten, or holds a secret that others can read. Or
+/// the machine of a worker cannot run the external simulator.
 pub const FILE_ACCESS: u8 = 4;
 /// There is no store at the given path.
 pub const NO_STORE: u8 = 5;
@@ -167,7 +168,8 @@ pub const TABLE: [(u8, &str); 17] = [
     ),
     (
         FILE_ACCESS,
-        "a file cannot be read or written, would be overwritten, or exposes a secret",
+        "a file cannot be read or written, would be overwritten, or exposes a secret; or this machine \
+         cannot run the external simulator",
     ),
     (NO_STORE, "there is no store where one is expected"),
     (OTHER_CAMPAIGN, "the store holds another campaign"),

@@ -10,6 +10,7 @@ pub mod cpu;
 pub mod exit;
 pub mod gateway;
 pub mod identity;
+mod outside;
 pub mod protocol;
 pub mod shards;
 pub mod worker;

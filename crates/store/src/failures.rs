@@ -62,8 +62,8 @@ pub struct FailureRow {
 pub struct FailureGroup {
     /// The kind of the failures.
     pub kind: FailureKind,
-    /// The first line of the error with every number replaced by `#`, cut after some 200 bytes: the
-    /// part that the failures of the group have in common.
+    /// The first line of the error with `#` for numbers and random names and short paths, cut after
+    /// 200 bytes: the part that the failures of the group have in common.
     pub cause: String,
     /// Number of failures in the group.
     pub count: u64,

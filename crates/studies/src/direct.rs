@@ -95,7 +95,7 @@ fn evaluate(problem: &Problem, candidate: &Candidate) -> anyhow::Result<Option<A
     match answer(problem, Approach::Direct, design, candidate.may_improve) {
         Ok(answer) => Ok(Some(answer)),
         Err(NoAnswer::Refused(_)) => Ok(None),
-        Err(NoAnswer::Failed(error)) => Err(anyhow::Error::msg(error)),
+        Err(NoAnswer::Failed(error) | NoAnswer::Machine(error)) => Err(anyhow::Error::msg(error)),
     }
 }
 

@@ -75,7 +75,7 @@ pub fn answer(
         answer.worn = Some(prepared.analyse(State::Baseline)?.criteria);
     }
     if approach == Approach::Direct {
-        answer.samples = draw(problem, prepared.as_mut()).map_err(NoAnswer::Failed)?;
+        answer.samples = draw(problem, prepared.as_mut())?;
     }
     Ok(answer)
 }
@@ -83,7 +83,7 @@ pub fn answer(
 /// The samples of a design in a direct search. A failed sample is tried again, after a sample that succeeded
 /// before is computed once more to show that the simulator works. If it then fails at every attempt, it counts as
 /// failed, provided that the campaign tolerates failures.
-fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String> {
+fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, NoAnswer> {
     let campaign = problem.campaign();
     let (purpose, number) = COMMON;
     let mut one = |sample: usize| {
@@ -91,7 +91,7 @@ fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String
         let drawn = problem.sample_of(design.sample(&mut rng)?);
         let name = &problem.sampled().name;
         let checked = problem.check_sample(drawn);
-        checked.map_err(|why| format!("{name} of sample {sample} {why}"))?;
+        checked.map_err(|why| NoAnswer::Failed(format!("{name} of sample {sample} {why}")))?;
         Ok(drawn)
     };
     let is_result = campaign.is_external() && campaign.sampling.tolerates_failures();
@@ -101,7 +101,7 @@ fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String
     for (sample, value) in samples.iter_mut().enumerate() {
         match one(sample) {
             Ok(drawn) => *value = drawn,
-            Err(error) if is_result => failed.push((sample, error)),
+            Err(error @ NoAnswer::Failed(_)) if is_result => failed.push((sample, error)),
             Err(error) => return Err(error),
         }
     }
@@ -119,7 +119,13 @@ fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, String
         if control.is_none_or(|sample| one(sample).is_err()) {
             return Err(error.clone());
         }
-        failed.retain(|(sample, _)| one(*sample).map(|drawn| samples[*sample] = drawn).is_err());
+        for (sample, error) in std::mem::take(&mut failed) {
+            match one(sample) {
+                Ok(drawn) => samples[sample] = drawn,
+                Err(NoAnswer::Failed(_)) => failed.push((sample, error)),
+                Err(machine) => return Err(machine),
+            }
+        }
     }
     Ok(samples)
 }

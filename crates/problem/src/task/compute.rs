@@ -17,14 +17,14 @@ pub const FAILED: &str = "failed";
 #[must_use]
 pub fn failed(stream: StreamId, evaluation: u32, error: &str) -> String {
     let line = error.lines().next().unwrap_or_default();
-    let cause = line.strip_prefix(&*of_evaluation(stream, evaluation));
-    let cause = cause.or_else(|| line.strip_prefix(&*format!("{stream}: ")));
+    let after = |place: String| line.strip_prefix(&*place)?.strip_prefix(": ");
+    let cause = after(of_evaluation(stream, evaluation)).or_else(|| after(stream.to_string()));
     format!("{FAILED}: {}", cause.unwrap_or(line))
 }
 
-/// The beginning of an evaluation's error.
+/// The place that an evaluation's error names.
 fn of_evaluation(stream: StreamId, evaluation: u32) -> String {
-    format!("{stream}, evaluation {evaluation}: ")
+    format!("{stream}, evaluation {evaluation}")
 }
 
 /// The short name of the reason for a design on which the simulator panicked.
@@ -67,20 +67,15 @@ pub fn compute_until(
     keep_going: &KeepGoing<'_>,
 ) -> Outcome {
     let stream = unit.stream;
-    let whole = |error: String| {
-        Outcome::from(Failure {
-            sample: None,
-            error,
-        })
-    };
+    let whole = |why: NoAnswer| Outcome::from(Failure::at(stream, None, why));
     match source {
         Source::Design(wanted) => design(simulator, wanted, unit, keep_going),
         Source::Point(wanted) => {
             let prepared = guarded(|| simulator.prepare(wanted));
             let mut design = match prepared {
                 Ok(Ok(design)) => design,
-                Ok(Err(error)) => return whole(format!("{stream}: {error}")),
-                Err(panic) => return whole(format!("{stream}: {SIMULATOR_PANIC}: {panic}")),
+                Ok(Err(why)) => return whole(why),
+                Err(panic) => return whole(panicked(&panic)),
             };
             let (purpose, number) = VERIFICATION;
             let names = Names {
@@ -108,7 +103,13 @@ pub fn compute_until(
                 output: result.map(|result| Output::Run(Box::new(result))),
                 failure: None,
             },
-            Err(error) => whole(error),
+            // A run's error names its call.
+            Err(NoAnswer::Failed(error)) => Outcome::from(Failure {
+                sample: None,
+                error,
+                by_machine: false,
+            }),
+            Err(why) => whole(why),
         },
         Source::Candidates(candidates) => evaluate(simulator, unit, candidates, keep_going),
     }
@@ -127,10 +128,8 @@ fn evaluate(
         _ => Approach::numbered(unit.stream.run_parts().0.into()),
     };
     let Some(approach) = approach else {
-        return Outcome::from(Failure {
-            sample: None,
-            error: format!("{}: no such approach", unit.stream),
-        });
+        let why = NoAnswer::Failed("no such approach".to_owned());
+        return Failure::at(unit.stream, None, why).into();
     };
     let mut evaluated = Vec::with_capacity(unit.samples.len());
     let output = |evaluated: &[Evaluation]| {
@@ -144,18 +143,17 @@ fn evaluate(
         let candidate = wanted.find(|one| one.evaluation == evaluation);
         let answered = match candidate {
             Some(candidate) => evaluate_one(simulator, approach, candidate),
-            None => Err("the lease has no such candidate".to_owned()),
+            None => Err(NoAnswer::Failed(
+                "the lease has no such candidate".to_owned(),
+            )),
         };
         match answered {
             Ok(one) => evaluated.push(one),
-            Err(error) => {
-                let error = of_evaluation(unit.stream, evaluation) + &error;
+            Err(why) => {
+                let place = of_evaluation(unit.stream, evaluation);
                 return Outcome {
                     output: output(&evaluated),
-                    failure: Some(Failure {
-                        sample: Some(evaluation),
-                        error,
-                    }),
+                    failure: Some(Failure::at(place, Some(evaluation), why)),
                 };
             }
         }
@@ -170,19 +168,24 @@ fn evaluate_one(
     simulator: &dyn Simulator,
     approach: Approach,
     candidate: &Candidate,
-) -> Result<Evaluation, String> {
+) -> Result<Evaluation, NoAnswer> {
     let design = &candidate.design;
     let answer = || optimise::answer(simulator, approach, design, candidate.may_improve);
     let answer = match guarded(answer) {
         Ok(Ok(answer)) => Ok(answer),
         Ok(Err(NoAnswer::Refused(reason))) => Err(reason),
-        Ok(Err(NoAnswer::Failed(error))) => return Err(error),
-        Err(panic) => return Err(format!("{SIMULATOR_PANIC}: {panic}")),
+        Ok(Err(why)) => return Err(why),
+        Err(panic) => return Err(panicked(&panic)),
     };
     Ok(Evaluation {
         design: design.clone(),
         answer,
     })
+}
+
+/// The failure of a simulator that panicked with a message.
+fn panicked(message: &str) -> NoAnswer {
+    NoAnswer::Failed(format!("{SIMULATOR_PANIC}: {message}"))
 }
 
 /// The result of `work`, or the message of its panic.
@@ -223,12 +226,7 @@ fn design(
     } = match analysed {
         Ok(Ok(analyses)) => analyses,
         Ok(Err(NoAnswer::Refused(reason))) => return done(Some(Output::Refused(reason))),
-        Ok(Err(NoAnswer::Failed(error))) => {
-            return Outcome::from(Failure {
-                sample: None,
-                error: format!("{}: {error}", unit.stream),
-            });
-        }
+        Ok(Err(why)) => return Failure::at(unit.stream, None, why).into(),
         Err(panic) => {
             let reason = format!("{SIMULATOR_PANIC}: {panic}");
             return done(Some(Output::Refused(reason)));
@@ -331,7 +329,7 @@ struct Names {
 
 impl Names {
     /// The response of one sample, which does not depend on the other samples drawn.
-    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, String> {
+    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, NoAnswer> {
         let sample = u64::from(index);
         match self.coefficients {
             stats::Sampling::Independent => {
@@ -348,7 +346,9 @@ impl Names {
                     sample,
                     modes,
                 );
-                design.sample_at(&coefficients.map_err(|error| error.to_string())?)
+                let coefficients =
+                    coefficients.map_err(|error| NoAnswer::Failed(error.to_string()))?;
+                design.sample_at(&coefficients)
             }
         }
     }
@@ -363,13 +363,12 @@ fn draw(
     keep_going: &dyn Fn(&[f64]) -> bool,
 ) -> (Vec<f64>, Option<Failure>) {
     let mut drawn = Vec::with_capacity(unit.samples.len());
-    let mut sample = |index: u32| -> Result<f64, String> {
-        let sample = guarded(|| names.draw(design, index))
-            .map_err(|panic| format!("{SIMULATOR_PANIC}: {panic}"))??;
+    let mut sample = |index: u32| -> Result<f64, NoAnswer> {
+        let sample = guarded(|| names.draw(design, index)).map_err(|panic| panicked(&panic))??;
         let sample = problem.sample_of(sample);
         let name = &problem.sampled().name;
         let checked = problem.check_sample(sample);
-        checked.map_err(|why| format!("{name} {why}"))?;
+        checked.map_err(|why| NoAnswer::Failed(format!("{name} {why}")))?;
         Ok(sample)
     };
     for index in unit.samples.clone() {
@@ -378,12 +377,9 @@ fn draw(
         }
         match sample(index) {
             Ok(sample) => drawn.push(sample),
-            Err(error) => {
-                let failure = Failure {
-                    sample: Some(index),
-                    error: format!("{}, sample {index}: {error}", unit.stream),
-                };
-                return (drawn, Some(failure));
+            Err(why) => {
+                let place = format!("{}, sample {index}", unit.stream);
+                return (drawn, Some(Failure::at(place, Some(index), why)));
             }
         }
     }

@@ -195,7 +195,7 @@ fn what_is_stopped_gives_what_is_done() {
 }
 
 /// A function that makes up a sample.
-type Sampled = fn() -> Result<f64, String>;
+type Sampled = fn() -> Result<f64, NoAnswer>;
 
 /// A simulator whose designs can be analysed and whose samples are made up.
 struct Fake {
@@ -227,7 +227,7 @@ impl Prepared for Ready<'_> {
         })
     }
 
-    fn sample(&mut self, _: &mut stats::streams::StreamRng) -> Result<f64, String> {
+    fn sample(&mut self, _: &mut stats::streams::StreamRng) -> Result<f64, NoAnswer> {
         (self.0.sample)()
     }
 }
@@ -265,7 +265,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
             || Ok(1e308),
             "delta_ste_um is 1e308 µm, but a ΔSTE lies between 0 and 1e6 µm",
         ),
-        (|| Err("licence".to_owned()), "licence"),
+        (|| Err(NoAnswer::Failed("licence".to_owned())), "licence"),
     ];
     for (sample, expected) in failures {
         let error = of(1.0, sample, 0.2).unwrap_err();
@@ -277,6 +277,28 @@ fn analyses_refuse_a_design_and_samples_fail() {
         error.starts_with("design-3: ΔSTE unworn is -5e0 µm"),
         "{error}"
     );
+}
+
+/// The failure of a machine names no design, and no failed sample stands for it.
+#[test]
+fn a_machine_that_cannot_simulate_is_told_from_a_design_that_fails() {
+    let fake = |sample| Fake {
+        problem: problem(),
+        analysed_um: 1.0,
+        sample,
+    };
+    let failure = |sample| {
+        let unit = design(4..6);
+        let computed = compute_until(&fake(sample), &unit, &Source::Design(asked()), &|_| true);
+        computed
+            .failure
+            .map(|failure| (failure.by_machine, failure.error))
+    };
+    let machine = failure(|| Err(NoAnswer::Machine("the disk is full".to_owned())));
+    assert_eq!(machine, Some((true, "the disk is full".to_owned())));
+    let program = failure(|| Err(NoAnswer::Failed("licence".to_owned())));
+    let of_design = "design-3, sample 4: licence".to_owned();
+    assert_eq!(program, Some((false, of_design)));
 }
 
 /// Every input that values depend on changes the generation, and no other does.

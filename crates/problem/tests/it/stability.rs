@@ -47,7 +47,7 @@ impl Prepared for Ready {
         })
     }
 
-    fn sample(&mut self, _rng: &mut StreamRng) -> Result<f64, String> {
+    fn sample(&mut self, _rng: &mut StreamRng) -> Result<f64, NoAnswer> {
         Ok(self.0.delta_ste_um)
     }
 }

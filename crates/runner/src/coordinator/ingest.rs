@@ -1,5 +1,6 @@
 //! The conversion of reported results to rows of the store.
 
+use crate::outside;
 use crate::protocol::v1::UnitResult;
 use ledger::{StreamId, Unit};
 use problem::formulation::Problem;
@@ -94,7 +95,7 @@ pub(crate) fn rows(
         Output::Refused(reason) => batch.criteria.push(CriteriaRow {
             design: stream.index,
             simulable: false,
-            reason: Some(reason),
+            reason: Some(outside::reason(&reason)),
             ..CriteriaRow::default()
         }),
         Output::Design {
@@ -106,7 +107,7 @@ pub(crate) fn rows(
             batch.criteria.push(CriteriaRow {
                 design: stream.index,
                 simulable: true,
-                reason: ruled_out,
+                reason: ruled_out.map(|reason| outside::reason(&reason)),
                 responses: Some(responses),
             });
             batch.samples.push(block(samples)?);
@@ -133,7 +134,8 @@ pub(crate) fn rows(
         }
         Output::Evaluations(evaluated) => {
             batch.only_for = Some((stream, unit.generation.0));
-            for (evaluation, evaluated) in unit.samples.clone().zip(evaluated) {
+            for (evaluation, mut evaluated) in unit.samples.clone().zip(evaluated) {
+                evaluated.answer = evaluated.answer.map_err(|reason| outside::reason(&reason));
                 let checked = check_evaluation(problem, &evaluated);
                 checked.map_err(|why| format!("evaluation {evaluation} {why}"))?;
                 let row = searching::row(stream, evaluation, evaluated);
@@ -202,11 +204,17 @@ mod tests {
     #[test]
     fn a_refused_design_becomes_a_row_with_its_reason() {
         let design = unit(StreamId::design(7), 0..30);
-        let read = of(&design, Ok(Output::Refused("contact-gap: no".to_owned())));
+        let read = of(
+            &design,
+            Ok(Output::Refused("contact-gap: \u{1b}[1m\nno".to_owned())),
+        );
         assert!(read.is_refused && read.unit.samples.is_empty());
         let batch = read.rows.unwrap();
         assert!(!batch.criteria[0].simulable);
-        assert_eq!(batch.criteria[0].reason.as_deref(), Some("contact-gap: no"));
+        assert_eq!(
+            batch.criteria[0].reason.as_deref(),
+            Some("contact-gap: ␛[1m⏎no")
+        );
         assert_eq!(batch.times[0].cpu_seconds, 0.0);
         assert_eq!(batch.times[0].stream, design.stream);
     }
@@ -230,7 +238,7 @@ mod tests {
             });
             of(&run, Ok(Output::Evaluations(evaluated.to_vec()))).rows
         };
-        let refused = Err("involute: no".to_owned());
+        let refused = Err("involute:\tno".to_owned());
         let batch = of_answers([Ok(answer(problem.criteria().len())), refused.clone()]).unwrap();
         assert_eq!(batch.only_for, Some((run.stream, 0xabcd_0000_1234)));
         let numbers: Vec<u64> = batch.evaluations.iter().map(|row| row.evaluation).collect();

@@ -17,9 +17,10 @@ use tracing::{debug, error, info, warn};
 use crate::coordinator::board::Board;
 use crate::coordinator::ingest;
 use crate::coordinator::recorder::Recorder;
+use crate::outside;
 
 /// Maximum length of a recorded error message, in bytes.
-const ERROR_BYTES: usize = 16 << 10;
+const ERROR_BYTES: usize = 1 << 10;
 
 /// The worker of a stored result in messages: the store does not name it.
 const EARLIER: &str = "an earlier worker";
@@ -156,7 +157,7 @@ impl<R: Recorder> Receiver<'_, R> {
                     None => read.unit.samples.start..read.unit.samples.start,
                 },
                 serial: read.serial,
-                error,
+                error: outside::shortened(&outside::clean(&error), ERROR_BYTES),
                 contradicts: false,
             }),
         }
@@ -270,7 +271,7 @@ impl<R: Recorder> Receiver<'_, R> {
         outcome: Failure,
     ) -> Result<(), Status> {
         let job = names::job_name(failed.stream, &failed.samples);
-        let error = beginning(&failed.error, ERROR_BYTES);
+        let error = outside::line(&failed.error);
         let kind = match outcome {
             Failure::Quarantined => {
                 error!(%job, %worker, %error, "quarantined");
@@ -300,7 +301,7 @@ impl<R: Recorder> Receiver<'_, R> {
             worker: worker.to_string(),
             serial: failed.serial,
             kind,
-            error: error.to_owned(),
+            error: failed.error,
             at_unix_ms: None,
         };
         let batch = Batch {
@@ -399,9 +400,4 @@ pub(crate) fn other_model() -> Status {
 
 pub(crate) fn not_stored(error: &store::Error) -> Status {
     Status::unavailable(format!("not stored: {error}"))
-}
-
-/// Returns the beginning of a text, at most `bytes` long.
-pub(crate) fn beginning(text: &str, bytes: usize) -> &str {
-    &text[..text.floor_char_boundary(bytes)]
 }

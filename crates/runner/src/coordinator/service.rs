@@ -19,8 +19,9 @@ use tracing::info;
 
 use crate::coordinator::board::{Board, Course, Room};
 use crate::coordinator::leases;
-use crate::coordinator::receiver::{Receiver, beginning, not_stored, other_model};
+use crate::coordinator::receiver::{Receiver, not_stored, other_model};
 use crate::coordinator::recorder::Recorder;
+use crate::outside;
 
 /// Maximum time that a call may wait for a change.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
@@ -53,7 +54,9 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     ) -> Result<Response<RegisterResponse>, Status> {
         let peer = peer(&request);
         let request = request.into_inner();
-        if request.worker_id.is_empty() || request.worker_id.len() > 128 || request.slots == 0 {
+        let id = &request.worker_id;
+        let is_id = (1..=128).contains(&id.len()) && !id.contains(char::is_control);
+        if !is_id || request.slots == 0 {
             return Err(Refusal::Malformed
                 .status("a worker needs an id of 1 to 128 characters and at least one slot"));
         }
@@ -89,14 +92,15 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 )
             });
             let held: Vec<(LeaseId, Vec<Unit>)> = held.collect();
+            let host = outside::shortened(&outside::line(&request.host), HOST_BYTES);
             cancelled = self.board.register(
                 &WorkerId::from(request.worker_id.as_str()),
-                beginning(&request.host, HOST_BYTES),
+                &host,
                 request.slots,
                 &held,
             );
             self.attend(peer, &WorkerId::from(request.worker_id.as_str()));
-            info!(worker = %request.worker_id, host = %request.host, slots = request.slots,
+            info!(worker = %request.worker_id, %host, slots = request.slots,
                 held = request.held.len(), "worker registered");
         }
         Ok(Response::new(RegisterResponse {

@@ -248,20 +248,23 @@ pub fn result(
 pub fn results(unit: &Unit, computed: &Outcome, cpu_seconds: f64) -> Vec<v1::UnitResult> {
     let output = computed.output.clone().map(Some);
     let output = output.map(|output| result(unit, &Ok(output), cpu_seconds));
-    let failure = computed.failure.as_ref().map(|Failure { sample, error }| {
-        // A failure has the range of the sample that failed, or an empty one.
-        let first = sample.unwrap_or(unit.samples.start);
-        let of = Unit {
-            samples: first..first + u32::from(sample.is_some()),
-            ..unit.clone()
-        };
-        v1::UnitResult {
-            unit: Some((&of).into()),
-            error: Some(error.clone()),
-            cpu_seconds: if output.is_some() { 0.0 } else { cpu_seconds },
-            ..v1::UnitResult::default()
-        }
-    });
+    let failure = computed
+        .failure
+        .as_ref()
+        .map(|Failure { sample, error, .. }| {
+            // A failure has the range of the sample that failed, or an empty one.
+            let first = sample.unwrap_or(unit.samples.start);
+            let of = Unit {
+                samples: first..first + u32::from(sample.is_some()),
+                ..unit.clone()
+            };
+            v1::UnitResult {
+                unit: Some((&of).into()),
+                error: Some(error.clone()),
+                cpu_seconds: if output.is_some() { 0.0 } else { cpu_seconds },
+                ..v1::UnitResult::default()
+            }
+        });
     output.into_iter().chain(failure).collect()
 }
 

@@ -11,6 +11,8 @@ pub enum Error {
     WrongSimulator { reason: String },
     #[error("the external simulator is unusable: {reason}")]
     Program { reason: String },
+    #[error("this machine cannot run the simulator: {reason}")]
+    Machine { reason: String },
     #[error("cannot start {slots} compute threads: {reason}")]
     Threads { slots: usize, reason: String },
 }
@@ -20,6 +22,7 @@ impl HasExitCode for Error {
         match self {
             Self::Gateway(error) => error.exit_code(),
             Self::WrongSimulator { .. } => exit::REFUSED,
+            Self::Machine { .. } => exit::FILE_ACCESS,
             Self::Program { .. } | Self::Threads { .. } => exit::FAILURE,
         }
     }

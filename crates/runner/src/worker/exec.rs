@@ -6,7 +6,9 @@
 //! answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
+mod design;
 mod ending;
+mod fault;
 mod files;
 mod messages;
 mod output;
@@ -24,15 +26,18 @@ use std::time::{Duration, Instant};
 use problem::file::SimulatorKind;
 use problem::formulation::{Design, Problem};
 use problem::probe::{self, ProbeError};
-use problem::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
-use problem::task::NOT_A_NUMBER;
-use rand::Rng as _;
+use problem::simulator::{NoAnswer, Prepared, Simulator};
 use serde_json::{Map, Value};
-use stats::streams::StreamRng;
+use tokio::sync::watch;
 use tracing::warn;
 
+use crate::outside;
 use crate::worker::error::Error;
+use design::ExternalDesign;
+pub(crate) use fault::Ability;
+use fault::{Fault, PAUSES, patiently};
 pub use files::FileMode;
+use files::Kept;
 use messages::{Answer, Content, Description, Numbers};
 use program::Program;
 
@@ -113,11 +118,22 @@ pub(crate) struct Programs {
     stop: Arc<AtomicBool>,
     /// Number of sessions, each of which may hold a process.
     sessions: AtomicUsize,
+    /// Whether the command was run with success on this machine.
+    has_answered: AtomicBool,
+    ability: watch::Sender<Ability>,
+    /// Pauses before a machine at fault is tried again.
+    pauses: &'static [Duration],
+    kept: Arc<Kept>,
 }
 
 impl Backend {
-    /// Returns the simulator that the campaign needs.
-    pub(crate) fn choose(problem: &Problem, exec: Option<&Exec>) -> Result<Self, Error> {
+    /// Returns the simulator that the campaign needs. It tells `ability` whether this machine can
+    /// run it.
+    pub(crate) fn choose(
+        problem: &Problem,
+        exec: Option<&Exec>,
+        ability: watch::Sender<Ability>,
+    ) -> Result<Self, Error> {
         let campaign = problem.campaign();
         let name = &campaign.name;
         match (campaign.simulator.kind, exec) {
@@ -128,6 +144,10 @@ impl Backend {
                 version: OnceLock::new(),
                 stop: Arc::new(AtomicBool::new(false)),
                 sessions: AtomicUsize::new(0),
+                has_answered: AtomicBool::new(false),
+                ability,
+                pauses: &PAUSES,
+                kept: Arc::default(),
             })),
             (SimulatorKind::External, None) => Err(Error::WrongSimulator {
                 reason: format!(
@@ -151,8 +171,15 @@ impl Backend {
             Self::External(programs) => {
                 let simulator = problem.campaign().simulator;
                 let session = programs.session(problem);
-                let failed = |reason| Error::Program { reason };
-                session.start().map_err(failed)?;
+                let failed = |reason: String| Error::Program {
+                    reason: outside::clean(&reason),
+                };
+                session.patiently(|| session.start()).map_err(|fault| {
+                    match NoAnswer::from(fault) {
+                        NoAnswer::Machine(reason) => Error::Machine { reason },
+                        NoAnswer::Failed(reason) | NoAnswer::Refused(reason) => failed(reason),
+                    }
+                })?;
                 let since = Instant::now();
                 let answers = loop {
                     match probe::answers_of(&session, simulator.probe_designs()) {
@@ -161,12 +188,17 @@ impl Backend {
                         Err(ProbeError::Fails(reason))
                             if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
                         {
-                            warn!(%reason, "the simulator fails on every question; asking again");
+                            let reason = outside::line(&reason);
+                            warn!(
+                                reason,
+                                "the simulator fails on every question; asking again"
+                            );
                             std::thread::sleep(PROBE_PAUSE);
                         }
                         Err(ProbeError::Fails(reason) | ProbeError::Contradicts(reason)) => {
                             return Err(failed(reason));
                         }
+                        Err(ProbeError::Machine(reason)) => return Err(Error::Machine { reason }),
                     }
                 };
                 if answers.ignores_seeds() {
@@ -257,7 +289,7 @@ struct Session<'a> {
 
 impl Session<'_> {
     /// Starts a process, or takes an idle one, unless the session has one.
-    fn start(&self) -> Result<(), String> {
+    fn start(&self) -> Result<(), Fault> {
         // A process that ended after its last answer fails no request either.
         let ended = self.process.borrow_mut().take_if(|one| one.has_ended());
         drop(ended);
@@ -272,29 +304,34 @@ impl Session<'_> {
             }
         }
         let stop = Arc::clone(&self.programs.stop);
-        let process = Program::start(&self.programs.exec, stop)?;
+        let process = Program::start(&self.programs.exec, stop, &self.programs.kept)?;
         *self.process.borrow_mut() = Some(process);
-        let request = messages::describe(self.problem)?;
+        let request = messages::describe(self.problem).map_err(Fault::Program)?;
         let timeout = self.programs.exec.timeout.max(START);
         let check = |described: &Description| described.check(self.problem);
         let described = match self.exchange(request, timeout, check)? {
             Answer::Given(described) => described,
             Answer::Refused(reason) | Answer::Error(reason) => {
                 self.process.borrow_mut().take();
-                return Err(format!("the simulator did not start: {reason}"));
+                return Err(Fault::Program(format!(
+                    "the simulator did not start: {reason}"
+                )));
             }
         };
+        if self.programs.exec.files.is_none() {
+            self.programs.has_answered.store(true, Ordering::Relaxed);
+        }
         let first = self
             .programs
             .version
             .get_or_init(|| described.version.clone());
         if *first != described.version {
             self.process.borrow_mut().take();
-            return Err(format!(
+            return Err(Fault::Program(format!(
                 "the simulator called itself {first:?} before and {:?} now: it must not change \
                  during a campaign",
                 described.version
-            ));
+            )));
         }
         Ok(())
     }
@@ -307,17 +344,42 @@ impl Session<'_> {
         wanted: &[&str],
         others: &[&str],
     ) -> Result<Numbers, NoAnswer> {
-        self.start().map_err(NoAnswer::Failed)?;
         let timeout = self.programs.exec.timeout;
         let check = |numbers: &Numbers| messages::check(numbers, wanted, others);
-        match self.exchange(question, timeout, check) {
-            Ok(Answer::Given(answer)) => Ok(answer),
-            Ok(Answer::Refused(reason)) => Err(NoAnswer::Refused(reason)),
-            Ok(Answer::Error(error)) => {
-                Err(NoAnswer::Failed(format!("the simulator says: {error}")))
+        let ask = || {
+            self.start()?;
+            self.exchange(question.clone(), timeout, check)
+        };
+        let answer = self.patiently(|| match ask() {
+            // It ended after its last answer and before it read this request.
+            Err(Fault::Left(_)) => ask(),
+            answer => answer,
+        })?;
+        self.programs.has_answered.store(true, Ordering::Relaxed);
+        match answer {
+            Answer::Given(answer) => Ok(answer),
+            Answer::Refused(reason) => Err(NoAnswer::Refused(outside::line(&reason))),
+            Answer::Error(error) => {
+                let error = Fault::Program(format!("the simulator says: {error}"));
+                Err(error.into())
             }
-            Err(error) => Err(NoAnswer::Failed(error)),
         }
+    }
+
+    /// Makes a request again while this machine cannot run the program, for a few seconds.
+    fn patiently<T>(&self, request: impl Fn() -> Result<T, Fault>) -> Result<T, Fault> {
+        let programs = self.programs;
+        let pause = |pause: Duration| {
+            let since = Instant::now();
+            while since.elapsed() < pause && !programs.stop.load(Ordering::Relaxed) {
+                std::thread::sleep(pause.min(Duration::from_millis(50)));
+            }
+            !programs.stop.load(Ordering::Relaxed)
+        };
+        patiently(&programs.ability, programs.pauses, pause, || {
+            let has_answered = || programs.has_answered.load(Ordering::Relaxed);
+            request().map_err(|fault| fault.judged(has_answered()))
+        })
     }
 
     fn exchange<T: Content>(
@@ -325,9 +387,10 @@ impl Session<'_> {
         request: Map<String, Value>,
         timeout: Duration,
         check: impl FnOnce(&T) -> Result<(), String>,
-    ) -> Result<Answer<T>, String> {
+    ) -> Result<Answer<T>, Fault> {
         let Some(mut process) = self.process.borrow_mut().take() else {
-            return Err("the simulator was asked before it was started".to_owned());
+            let text = "the simulator was asked before it was started".to_owned();
+            return Err(Fault::Program(text));
         };
         let since = Instant::now();
         let answer = process.ask(request, timeout);
@@ -344,7 +407,10 @@ impl Session<'_> {
                 *self.process.borrow_mut() = Some(process);
                 Ok(read)
             }
-            Err(reason) => Err(process.refute(&Value::Object(answer).to_string(), &reason)),
+            Err(reason) => {
+                let answer = Value::Object(answer).to_string();
+                Err(Fault::Program(process.refute(&answer, &reason)))
+            }
         }
     }
 }
@@ -372,91 +438,6 @@ impl Simulator for Session<'_> {
 
     fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
         let told = self.problem.told(design).map_err(NoAnswer::Refused)?;
-        Ok(Box::new(ExternalDesign {
-            session: self,
-            told: messages::design(&told),
-            design: design.clone(),
-            responses: vec![f64::NAN; self.problem.responses().len()],
-            was_evaluated: false,
-        }))
-    }
-}
-
-/// A design that a program simulates.
-struct ExternalDesign<'a> {
-    session: &'a Session<'a>,
-    design: Design,
-    told: Value,
-    /// The responses known so far; the others are NaN.
-    responses: Vec<f64>,
-    was_evaluated: bool,
-}
-
-impl ExternalDesign<'_> {
-    /// Requests the responses at `places` that are not known yet.
-    fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
-        let problem = self.session.problem;
-        let known = problem.responses();
-        let asked = |place: usize| &*known[place].name;
-        let missing = places
-            .iter()
-            .filter(|place| self.responses[**place].is_nan());
-        let wanted: Vec<&str> = missing.map(|place| asked(*place)).collect();
-        // If nothing is wanted, the program is still asked once: it may refuse the design.
-        if wanted.is_empty() && self.was_evaluated {
-            return Ok(());
-        }
-        let others: Vec<&str> = (0..known.len()).map(asked).collect();
-        let question = messages::evaluate(&self.told, &wanted);
-        let numbers = self.session.ask(question, &wanted, &others)?;
-        let odd = numbers.iter().find(|(_, value)| !value.is_finite());
-        if let Some((name, value)) = odd {
-            return Err(NoAnswer::Refused(format!(
-                "{NOT_A_NUMBER}: the simulator's {name} is {value}"
-            )));
-        }
-        for (response, quantity) in self.responses.iter_mut().zip(known) {
-            if let Some(number) = numbers.get(&*quantity.name) {
-                *response = *number;
-            }
-        }
-        self.was_evaluated = true;
-        Ok(())
-    }
-}
-
-impl Prepared for ExternalDesign<'_> {
-    fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
-        let problem = self.session.problem;
-        let wanted: Vec<usize> = problem.wanted(state).collect();
-        self.evaluate(&wanted)?;
-        let analysis = problem.analysis(&self.design, &self.responses, state);
-        let analysis = analysis.ok_or_else(|| {
-            NoAnswer::Failed("the responses are not those of the campaign".to_owned())
-        })?;
-        if problem.has_baseline() {
-            // An optimiser would take an implausible number for an optimum.
-            problem.check_sample(analysis.value).map_err(|why| {
-                let name = &problem.sampled().name;
-                NoAnswer::Failed(format!("the simulator's {name} {why}"))
-            })?;
-        }
-        Ok(analysis)
-    }
-
-    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, String> {
-        // 128 bits of the stream, in words of 32 bits, which every program can represent.
-        let [low, high] = [rng.next_u64(), rng.next_u64()];
-        let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
-        let problem = self.session.problem;
-        let name = &*problem.sampled().name;
-        let question = messages::sample(&self.told, seed);
-        let answer = self.session.ask(question, &[name], &[name]);
-        let numbers = match answer {
-            Ok(numbers) => numbers,
-            Err(NoAnswer::Refused(_)) => return Ok(f64::NAN),
-            Err(NoAnswer::Failed(error)) => return Err(error),
-        };
-        Ok(numbers[name])
+        Ok(Box::new(ExternalDesign::new(self, design, &told)))
     }
 }

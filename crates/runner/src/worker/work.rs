@@ -21,7 +21,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{debug, info, warn};
 
 use crate::worker::error::Error;
-use crate::worker::exec::Exec;
+use crate::worker::exec::{Ability, Exec};
 use crate::worker::held::HeldLeases;
 
 use contact::Contact;
@@ -91,6 +91,8 @@ struct SharedState {
     /// another campaign.
     problem: RwLock<Option<Arc<Registration>>>,
     held: HeldLeases,
+    /// Whether this machine can run the external simulator.
+    ability: watch::Sender<Ability>,
     contact: Contact,
     files: Files,
     /// Interval between heartbeats, as last named by the coordinator.
@@ -146,6 +148,7 @@ impl Worker {
             connection: self.connection,
             problem: RwLock::new(None),
             held: HeldLeases::default(),
+            ability: watch::Sender::default(),
             contact: Contact::default(),
             files,
             heartbeat: watch::Sender::new(FIRST_HEARTBEAT),
@@ -192,6 +195,7 @@ impl Worker {
                 Ok(End::Stopped)
             }
             away = shared.away() => Err(away),
+            unable = shared.unable() => Err(unable),
         };
         stop.cancel();
         // From here on, a death is not the fault of what is computed.
@@ -278,6 +282,22 @@ impl SharedState {
     fn programs_are_stopped(&self) -> bool {
         self.registered()
             .is_some_and(|registered| registered.backend.is_stopped())
+    }
+
+    /// Waits until this machine has failed to run the simulator in every attempt.
+    async fn unable(&self) -> Error {
+        let mut ability = self.ability.subscribe();
+        let unable = ability.wait_for(|ability| ability.fault.is_some()).await;
+        match unable.ok().and_then(|ability| ability.fault.clone()) {
+            Some(reason) => Error::Machine { reason },
+            // The sender lives as long as this future.
+            None => std::future::pending().await,
+        }
+    }
+
+    /// Whether [`Self::unable`] has ended.
+    fn is_unable(&self) -> bool {
+        self.ability.borrow().fault.is_some()
     }
 
     /// Waits until the worker has had no lease for the time limit of the options.

@@ -3,24 +3,29 @@
 //!
 //! To the rest of [`exec`](super), such a program answers lines.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::ffi::OsString;
-use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+use std::{fs, io};
 
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
+use super::fault::Fault;
 use super::messages::{Numbers, PROTOCOL, number};
 use super::output::Line;
 use super::process::Process;
 
 /// The name of a sample's seed in a template.
 const SEED: &str = "seed";
+/// Maximum number of folders of failed runs that a worker keeps.
+const KEPT: usize = 20;
+/// Size of the file that shows whether a disk has space, in bytes.
+const SPACE: usize = 1 << 16;
 
 /// The files of a program that is called through files.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -41,6 +46,25 @@ pub(super) struct Files {
     /// The campaign's name of the sampled response.
     sampled: String,
     stop: Arc<AtomicBool>,
+    kept: Arc<Kept>,
+}
+
+/// The folders of a worker's last failed runs, oldest first.
+#[derive(Debug, Default)]
+pub(super) struct Kept(Mutex<VecDeque<PathBuf>>);
+
+impl Kept {
+    /// Adds a folder and removes the oldest beyond [`KEPT`].
+    fn add(&self, folder: PathBuf) {
+        // A panic cannot leave the list half changed.
+        let mut folders = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        folders.push_back(folder);
+        while folders.len() > KEPT {
+            let oldest = folders.pop_front();
+            // The user may have removed it.
+            let _ = oldest.map(fs::remove_dir_all);
+        }
+    }
 }
 
 /// A request of [`messages`](super::messages).
@@ -75,9 +99,15 @@ impl Files {
         command: &str,
         files: &FileMode,
         stop: Arc<AtomicBool>,
-    ) -> Result<Self, String> {
+        kept: &Arc<Kept>,
+    ) -> Result<Self, Fault> {
         let path = &files.template;
-        let cannot = |why: &dyn std::fmt::Display| format!("template {}: {why}", path.display());
+        let cannot = |why: &dyn std::fmt::Display| {
+            Fault::Machine(format!(
+                "template {}: {why}; give --template a file that this machine can read",
+                path.display()
+            ))
+        };
         let text = fs::read_to_string(path).map_err(|error| cannot(&error))?;
         let name = path.file_name().ok_or_else(|| cannot(&"has no name"))?;
         Ok(Self {
@@ -86,6 +116,7 @@ impl Files {
             result: files.result.clone(),
             sampled: String::new(),
             stop,
+            kept: Arc::clone(kept),
         })
     }
 
@@ -93,17 +124,17 @@ impl Files {
     ///
     /// # Errors
     ///
-    /// A sentence. After a failed run, its folder is kept and named.
+    /// After a failed run of the program, its folder is kept and named.
     pub(super) fn ask(
         &mut self,
         request: Map<String, Value>,
         timeout: Duration,
-    ) -> Result<Map<String, Value>, String> {
+    ) -> Result<Map<String, Value>, Fault> {
         let request = serde_json::from_value(Value::Object(request));
-        match request.map_err(|error| error.to_string())? {
+        match request.map_err(|error| Fault::Program(error.to_string()))? {
             Request::Describe { variables, sampled } => {
                 self.sampled = sampled;
-                self.describe(variables)
+                self.describe(variables).map_err(Fault::Program)
             }
             Request::Evaluate { design, responses } => self.run(&design, 0, &responses, timeout),
             Request::Sample { design, seed } => {
@@ -146,17 +177,29 @@ impl Files {
         seed: u32,
         wanted: &[String],
         timeout: Duration,
-    ) -> Result<Map<String, Value>, String> {
+    ) -> Result<Map<String, Value>, Fault> {
         let folder = tempfile::Builder::new().prefix("pitchline-").tempdir();
-        let folder = folder.map_err(|error| format!("no folder can be made: {error}"))?;
-        self.run_in(folder.path(), design, seed, wanted, timeout)
-            .map_err(|why| {
-                let kept = folder.keep();
-                format!(
-                    "{why}\nthe files of this run are kept in {}",
-                    kept.display()
-                )
-            })
+        let folder = folder.map_err(|error| no_space(&error))?;
+        let ran = self.run_in(folder.path(), design, seed, wanted, timeout);
+        ran.map_err(|fault| {
+            // A folder that is kept would hold the space that is missing.
+            if let Fault::Machine(_) = fault {
+                return fault;
+            }
+            if let Err(error) = try_space(folder.path()) {
+                return no_space(&error);
+            }
+            let folder = folder.keep();
+            let note = format!("\nthe files of this run are kept in {}", folder.display());
+            self.kept.add(folder);
+            match fault {
+                Fault::NotRun { text, of_machine } => Fault::NotRun {
+                    text: text + &note,
+                    of_machine,
+                },
+                fault => Fault::Program(fault.text() + &note),
+            }
+        })
     }
 
     fn run_in(
@@ -166,15 +209,19 @@ impl Files {
         seed: u32,
         wanted: &[String],
         timeout: Duration,
-    ) -> Result<Map<String, Value>, String> {
+    ) -> Result<Map<String, Value>, Fault> {
         let (template, name) = &self.template;
         let mut filled = template.replace(&place(SEED), &seed.to_string());
         for (name, value) in design {
             filled = filled.replace(&place(name), &format!("{value:?}"));
         }
-        fs::write(folder.join(name), filled)
-            .map_err(|error| format!("the filled template cannot be written: {error}"))?;
+        fs::write(folder.join(name), filled).map_err(|error| no_space(&error))?;
         self.execute(folder, timeout)?;
+        self.read_result(folder, wanted).map_err(Fault::Program)
+    }
+
+    /// Reads the `wanted` numbers, or the reason for a refusal, from the result file.
+    fn read_result(&self, folder: &Path, wanted: &[String]) -> Result<Map<String, Value>, String> {
         let file = self.result.display();
         let text = fs::read_to_string(folder.join(&self.result))
             .map_err(|error| format!("the command has left no readable {file}: {error}"))?;
@@ -200,7 +247,7 @@ impl Files {
     }
 
     /// Runs the command in `folder` to its end. Its output is quoted in an error.
-    fn execute(&self, folder: &Path, timeout: Duration) -> Result<(), String> {
+    fn execute(&self, folder: &Path, timeout: Duration) -> Result<(), Fault> {
         let quoted = folder.display().to_string().replace('\'', r"'\''");
         // The last line of a command may be a comment.
         let command = format!(
@@ -212,9 +259,30 @@ impl Files {
         let status = |line: &[u8]| Line::Answer(String::from_utf8_lossy(line).into_owned(), true);
         match &*process.ask("", timeout, &status)? {
             "0" => Ok(()),
-            status => Err(process.obituary(&format!("ended with status {status}"), &asked)),
+            status => {
+                let text = process.obituary(&format!("ended with status {status}"), &asked);
+                Err(match status {
+                    "126" | "127" => Fault::not_run(text),
+                    _ => Fault::Program(text),
+                })
+            }
         }
     }
+}
+
+/// Checks that files can be written: a program that has failed may have found no space.
+fn try_space(folder: &Path) -> io::Result<()> {
+    let file = folder.join(".pitchline-space");
+    fs::write(&file, [0; SPACE])?;
+    fs::remove_file(file)
+}
+
+fn no_space(error: &io::Error) -> Fault {
+    Fault::Machine(format!(
+        "no file of a run can be written in {}: {error}; free space there, or set TMPDIR to a \
+         folder for temporary files",
+        std::env::temp_dir().display()
+    ))
 }
 
 fn place(name: &str) -> String {

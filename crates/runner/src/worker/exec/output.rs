@@ -2,6 +2,8 @@
 
 use std::collections::VecDeque;
 
+use crate::outside;
+
 /// Length of the end of the standard error that is kept, in bytes.
 const TAIL: usize = 16 * 1024;
 /// Maximum length of a quoted request or answer, in bytes.
@@ -62,11 +64,11 @@ impl Tail {
     pub(super) fn text(&self) -> String {
         let (front, back) = self.bytes.as_slices();
         let text = [front, back].concat();
-        let text = String::from_utf8_lossy(&text);
+        let text = outside::clean(&String::from_utf8_lossy(&text));
         if self.cut {
             format!("… {text}")
         } else {
-            text.into_owned()
+            text
         }
     }
 }
@@ -79,10 +81,7 @@ pub(super) fn malformed(answer: &[u8], reason: &str) -> String {
 /// Bytes of another program as a short text in one line.
 pub(super) fn quote(bytes: &[u8]) -> String {
     let shown = &bytes[..bytes.len().min(QUOTE)];
-    let text: String = String::from_utf8_lossy(shown)
-        .chars()
-        .map(|c| if c.is_control() { ' ' } else { c })
-        .collect();
+    let text = outside::line(&String::from_utf8_lossy(shown));
     if shown.len() < bytes.len() {
         format!("{text} …")
     } else {

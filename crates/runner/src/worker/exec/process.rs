@@ -8,6 +8,8 @@
 //! Lines of the output that are not answers are skipped, up to a limit, and the first one of a
 //! process is a warning.
 
+mod words;
+
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind, Read, Write as _};
 use std::os::unix::process::CommandExt as _;
@@ -22,16 +24,17 @@ use rustix::process::{Pid, Signal};
 use tracing::warn;
 
 use super::ending::{self, AFTER_INPUT, AFTER_TERM, GUARD};
+use super::fault::Fault;
 use super::output::{ForeignOutput, Line, Tail, malformed, quote};
 
 /// Maximum size of the output up to an answer, in bytes, the answer included.
 const MAX_OUTPUT: usize = 16 * 1024 * 1024;
 /// Interval at which a wait for an answer checks whether to stop.
 const PATIENCE: Duration = Duration::from_millis(100);
-/// Time for a process that closed its output to end by itself.
-const LAST_WORDS: Duration = Duration::from_millis(500);
 /// Time without the first answer of a process after which the log says so.
 const SLOW_START: Duration = Duration::from_secs(10);
+/// Number of reads that empty any pipe.
+const WHOLE_PIPE: usize = 16;
 /// What a program must do for its answers to arrive.
 const FLUSH: &str = "flush standard output after every line (python -u, print(…, flush=True), \
                      fflush(stdout))";
@@ -80,9 +83,14 @@ impl Process {
     ///
     /// # Errors
     ///
-    /// A sentence.
-    pub(super) fn start(command: &str, stop: Arc<AtomicBool>) -> Result<Self, String> {
-        let cannot = |error: io::Error| format!("the simulator cannot be started: {error}");
+    /// The machine has no shell, or not enough processes, memory or open files.
+    pub(super) fn start(command: &str, stop: Arc<AtomicBool>) -> Result<Self, Fault> {
+        let cannot = |error: io::Error| {
+            Fault::Machine(format!(
+                "the shell sh cannot be started: {error}; allow more processes, memory and open \
+                 files, or fewer --slots"
+            ))
+        };
         let mut child = Command::new("sh")
             .args(["-c", command])
             .stdin(Stdio::piped())
@@ -163,8 +171,9 @@ impl Process {
         line: &str,
         timeout: Duration,
         read: &dyn Fn(&[u8]) -> Line<T>,
-    ) -> Result<T, String> {
+    ) -> Result<T, Fault> {
         self.exchange(line, timeout, read).map_err(|silence| {
+            let is_machine = matches!(silence, Silence::System(_));
             let why = match silence {
                 Silence::Ended => self.last_words(),
                 Silence::Timeout if line.is_empty() => {
@@ -179,16 +188,23 @@ impl Process {
                     "wrote more than {MAX_OUTPUT} bytes to its standard output without an answer"
                 ),
                 Silence::Malformed(line, reason) => malformed(&line, &reason),
-                Silence::System(error) => format!("cannot be read or written: {error}"),
+                Silence::System(error) => {
+                    format!("cannot be read or written: {error}; allow more memory and open files")
+                }
             };
+            // None unless the process has ended by itself.
+            let status = self.status.and_then(|status| status.code());
             let skipped = self.skipped.note();
-            self.obituary(&format!("{why}{skipped}"), line)
+            let text = self.obituary(&format!("{why}{skipped}"), line);
+            match status {
+                _ if is_machine => {
+                    Fault::Machine(text.lines().next().unwrap_or_default().to_owned())
+                }
+                Some(126 | 127) => Fault::not_run(text),
+                Some(0) if self.has_answered && self.pending.is_empty() => Fault::Left(text),
+                _ => Fault::Program(text),
+            }
         })
-    }
-
-    /// Ends the process, whose `answer` cannot be used, and returns the error.
-    pub(super) fn refute(&mut self, answer: &str, reason: &str, line: &str) -> String {
-        self.obituary(&malformed(answer.as_bytes(), reason), line)
     }
 
     fn exchange<T>(
@@ -239,11 +255,16 @@ impl Process {
                 );
             }
             let [output, errors] = self.wait(!unsent.is_empty(), left.min(PATIENCE))?;
+            // All output of a process that has ended is in the pipe. A program that it has started
+            // may keep the pipe open.
+            let has_ended = ending::has_ended(self.group);
             if errors {
                 self.drain_errors();
             }
-            if output {
-                let end = self.read_lines().err();
+            if output || has_ended {
+                let rounds = if has_ended { WHOLE_PIPE } else { 1 };
+                let end = (0..rounds).find_map(|_| self.read_lines().err());
+                let end = end.or_else(|| has_ended.then_some(Silence::Ended));
                 if let Some(answer) = self.answer(read, end.is_some())? {
                     return Ok(answer);
                 }
@@ -376,62 +397,6 @@ impl Process {
         }
     }
 
-    /// Describes the end of a process that closed its output.
-    fn last_words(&mut self) -> String {
-        let since = Instant::now();
-        while !ending::has_ended(self.group) {
-            if since.elapsed() > LAST_WORDS {
-                return "closed its standard output and was ended".to_owned();
-            }
-            std::thread::sleep(Duration::from_millis(2));
-        }
-        match self.end() {
-            Ok(status) => {
-                let unfinished = match self.pending.trim_ascii() {
-                    [] => String::new(),
-                    rest => format!(" in the middle of the line {}", quote(rest)),
-                };
-                let advice = if status.success() && self.has_answered {
-                    "; a program must answer one request after the other until its input ends"
-                } else {
-                    ""
-                };
-                format!("ended ({status}) before it had answered{unfinished}{advice}")
-            }
-            Err(error) => format!("ended before it had answered ({error})"),
-        }
-    }
-
-    /// Closes the input of a process that has not answered, and describes its last output: a
-    /// program that does not flush its output does so at its end.
-    fn late_words<T>(&mut self, timeout: Duration, read: &dyn Fn(&[u8]) -> Line<T>) -> String {
-        let seconds = timeout.as_secs_f64();
-        self.input = None;
-        let since = Instant::now();
-        let mut has_more = true;
-        while has_more && since.elapsed() < AFTER_INPUT {
-            has_more = match self.wait(false, Duration::from_millis(20)) {
-                Ok([true, _]) => self.read_lines().is_ok(),
-                Ok(_) => true,
-                Err(_) => false,
-            };
-            self.drain_errors();
-        }
-        if matches!(self.answer(read, true), Ok(Some(_))) {
-            return format!(
-                "gave its answer only when its input was closed, after {seconds} s: it must {FLUSH}"
-            );
-        }
-        let unfinished = match self.pending.trim_ascii() {
-            [] => String::new(),
-            rest => format!(" (the last line that it wrote has no end: {})", quote(rest)),
-        };
-        format!(
-            "gave no answer within {seconds} s and was ended{unfinished}. If it has answered, it must \
-             {FLUSH}"
-        )
-    }
-
     /// Ends the group, and waits for its leader.
     fn end(&mut self) -> io::Result<ExitStatus> {
         if let Some(status) = self.status {
@@ -467,25 +432,6 @@ impl Process {
             self.lines.clear();
             self.drain_errors();
         }
-    }
-
-    /// Ends the group. Returns the reason, the request and the end of the standard error.
-    pub(super) fn obituary(&mut self, why: &str, line: &str) -> String {
-        // The exit status is part of `why` if it matters.
-        let _ = self.end();
-        // All output is in the pipe now; 16 rounds of the drain empty any pipe.
-        for _ in 0..16 {
-            self.drain_errors();
-        }
-        let asked = quote(line.trim_end().as_bytes());
-        let mut text = format!("the simulator {why}\nasked: {asked}");
-        if self.tail.bytes.is_empty() {
-            text += "\nits standard error was empty";
-        } else {
-            text += "\nthe end of its standard error:\n";
-            text += self.tail.text().trim_end();
-        }
-        text
     }
 }
 

@@ -7,7 +7,8 @@ use std::time::Duration;
 use serde_json::{Map, Value};
 
 use super::Exec;
-use super::files::Files;
+use super::fault::Fault;
+use super::files::{Files, Kept};
 use super::messages;
 use super::process::Process;
 
@@ -32,15 +33,19 @@ enum Kind {
 
 impl Program {
     /// Starts the program of `exec`. Once `stop` is set, the program is ended instead of waited
-    /// for.
+    /// for. `kept` are the folders of failed runs.
     ///
     /// # Errors
     ///
-    /// A sentence.
-    pub(super) fn start(exec: &Exec, stop: Arc<AtomicBool>) -> Result<Self, String> {
+    /// The machine cannot run it.
+    pub(super) fn start(
+        exec: &Exec,
+        stop: Arc<AtomicBool>,
+        kept: &Arc<Kept>,
+    ) -> Result<Self, Fault> {
         let kind = match &exec.files {
             None => Kind::Lines(Process::start(&exec.command, stop)?),
-            Some(files) => Kind::Files(Files::new(&exec.command, files, stop)?),
+            Some(files) => Kind::Files(Files::new(&exec.command, files, stop, kept)?),
         };
         Ok(Self {
             kind,
@@ -60,12 +65,12 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// A sentence with the end of the program's standard error.
+    /// The fault, with the end of the program's standard error.
     pub(super) fn ask(
         &mut self,
         request: Map<String, Value>,
         timeout: Duration,
-    ) -> Result<Map<String, Value>, String> {
+    ) -> Result<Map<String, Value>, Fault> {
         self.id += 1;
         let id = self.id;
         match &mut self.kind {

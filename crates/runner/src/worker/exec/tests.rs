@@ -11,6 +11,7 @@ use super::*;
 use crate::exit::HasExitCode as _;
 
 mod ends;
+mod faults;
 mod other_output;
 mod through_files;
 
@@ -49,7 +50,17 @@ fn backend_of(command: String, timeout: Duration) -> Backend {
         timeout,
         files: None,
     };
-    Backend::choose(&problem(), Some(&exec)).unwrap()
+    chosen(&problem(), &exec)
+}
+
+/// The backend of a machine that is tried again at once.
+fn chosen(problem: &Problem, exec: &Exec) -> Backend {
+    const QUICK: [Duration; 3] = [Duration::from_millis(1); 3];
+    let mut backend = Backend::choose(problem, Some(exec), watch::Sender::default()).unwrap();
+    if let Backend::External(programs) = &mut backend {
+        programs.pauses = &QUICK;
+    }
+    backend
 }
 
 /// A backend whose script has `changes` to the functions above.
@@ -320,12 +331,20 @@ fn a_flood_of_standard_error_blocks_nothing_and_its_end_is_kept() {
 #[test]
 fn a_command_that_is_none_says_what_the_shell_said() {
     let backend = backend_of("/no/such/simulator".to_owned(), Duration::from_secs(5));
-    let error = backend.model_digest(&problem()).unwrap_err().to_string();
+    let error = backend.model_digest(&problem()).unwrap_err();
+    assert_eq!(error.exit_code(), crate::exit::FILE_ACCESS);
+    let error = error.to_string();
     assert!(
         error.contains("/no/such/simulator: not found") || error.contains("No such file"),
         "{error}"
     );
     assert!(error.contains("exit status: 127"), "{error}");
+    let remedy = "; install the program on this machine, or correct --exec";
+    assert!(
+        error.starts_with("this machine cannot run the simulator: ") && error.ends_with(remedy),
+        "{error}"
+    );
+    assert_eq!(error.lines().count(), 1, "{error}");
 }
 
 #[test]
@@ -404,12 +423,12 @@ fn a_simulator_that_the_campaign_does_not_want_is_refused() {
         timeout: Duration::from_secs(1),
         files: None,
     };
-    let unwanted = Backend::choose(&built_in, Some(&exec)).unwrap_err();
+    let unwanted = Backend::choose(&built_in, Some(&exec), watch::Sender::default()).unwrap_err();
     assert!(
         unwanted.to_string().contains("without --exec"),
         "{unwanted}"
     );
-    let missing = Backend::choose(&problem(), None).unwrap_err();
+    let missing = Backend::choose(&problem(), None, watch::Sender::default()).unwrap_err();
     assert!(missing.to_string().contains("--exec 'CMD'"), "{missing}");
     for error in [unwanted, missing] {
         assert_eq!(error.exit_code(), crate::exit::REFUSED);

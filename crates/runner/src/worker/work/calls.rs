@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::cpu::thread_seconds;
 use crate::gateway::link::cause;
+use crate::outside;
 use crate::protocol::v1::{Directive, HeartbeatRequest, LeaseRequest, ReportRequest, UnitResult};
 use ledger::Unit;
 use problem::task::{Failure, Outcome, Output, Source, compute_until};
@@ -32,6 +33,9 @@ const MAX_STRIDE: u32 = 64;
 /// both at once, and the program often ends first.
 const AFTERTHOUGHT: Duration = Duration::from_millis(500);
 
+/// Time without leases after a pause for a machine that could not run the simulator.
+const SETTLING: Duration = Duration::from_millis(500);
+
 /// Maximum size of the results in a report, in bytes, unless one result is larger. The size is
 /// halved after each report that timed out.
 const BYTES_PER_REPORT: usize = 1 << 20;
@@ -45,11 +49,20 @@ pub(super) async fn lease(shared: Arc<SharedState>, pool: rayon::ThreadPool) -> 
     let slots = shared.options.slots.max(1);
     let mut backoff = Backoff::new();
     let mut client = shared.connection.client();
+    let mut ability = shared.ability.subscribe();
     loop {
+        if ability.borrow_and_update().waiting > 0 {
+            shared.release(shared.held.release_waiting(), false).await;
+            tokio::select! {
+                () = shared.ability_settles() => continue,
+                () = shared.stop.cancelled() => return Ok(End::Stopped),
+            }
+        }
         let changed = shared.held.changed.notified();
         let Some(wanted) = shared.held.wanted(slots) else {
             tokio::select! {
                 () = changed => continue,
+                Ok(()) = ability.changed() => continue,
                 () = shared.stop.cancelled() => return Ok(End::Stopped),
             }
         };
@@ -182,7 +195,7 @@ fn compute(shared: &SharedState, lease: &Lease) {
         for (unit, source) in &lease.units {
             let is_stopped =
                 cancelled.load(Ordering::Relaxed) || shared.hurry.load(Ordering::Relaxed);
-            if is_stopped {
+            if is_stopped || shared.is_unable() {
                 break;
             }
             let computation = UnitComputation {
@@ -229,18 +242,25 @@ fn attempt(
             "{}: the worker panicked; its log has the message",
             unit.stream
         );
-        let sample = None;
-        (Outcome::from(Failure { sample, error }), 0.0)
+        let failure = Failure {
+            sample: None,
+            error,
+            by_machine: false,
+        };
+        (Outcome::from(failure), 0.0)
     });
     // The time of an external program is not CPU time of this thread.
     let cpu_seconds = thread_seconds() - computation.before + program_seconds;
-    if let Some(Failure { error, .. }) = &computed.failure {
-        if backend.is_external() && shared.leaves_within(AFTERTHOUGHT) {
-            // The request to leave has ended the program as well.
+    if let Some(failure) = &computed.failure {
+        // A request to leave has ended the program as well.
+        let is_innocent =
+            failure.by_machine || backend.is_external() && shared.leaves_within(AFTERTHOUGHT);
+        if is_innocent {
             computed.failure = None;
             return crate::protocol::results(unit, &computed, cpu_seconds);
         }
-        warn!(stream = %unit.stream, lease = %computation.lease.id, %error, "a failure");
+        let error = outside::line(&failure.error);
+        warn!(stream = %unit.stream, lease = %computation.lease.id, error, "a failure");
     }
     crate::protocol::results(unit, &computed, cpu_seconds)
 }
@@ -314,6 +334,15 @@ pub(super) async fn report(shared: Arc<SharedState>, stop: CancellationToken) {
 }
 
 impl SharedState {
+    /// Waits until no request waits for the end of a shortage on this machine, and the last one has
+    /// had time to fail again.
+    async fn ability_settles(&self) {
+        let mut ability = self.ability.subscribe();
+        // An error means that the worker ends.
+        let _ = ability.wait_for(|ability| ability.waiting == 0).await;
+        tokio::time::sleep(SETTLING).await;
+    }
+
     /// Whether this worker is asked to leave within `moment`.
     fn leaves_within(&self, moment: Duration) -> bool {
         let since = Instant::now();

@@ -134,7 +134,11 @@ impl SharedState {
             }
         })?;
         let problem = Problem::new(campaign);
-        let backend = Arc::new(Backend::choose(&problem, self.options.exec.as_ref())?);
+        let backend = Arc::new(Backend::choose(
+            &problem,
+            self.options.exec.as_ref(),
+            self.ability.clone(),
+        )?);
         // An external program may take long to answer and must not block the runtime.
         let questions = {
             let (problem, backend) = (problem.clone(), Arc::clone(&backend));

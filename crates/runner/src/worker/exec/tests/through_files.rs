@@ -1,5 +1,7 @@
 //! Programs that are called through files.
 
+use problem::simulator::State;
+
 use super::*;
 
 /// The problem of the Ishigami function, with a program that computes another function.
@@ -17,7 +19,7 @@ fn through_files(template: &str, command: &str) -> (Problem, Backend, tempfile::
             result: "out.txt".into(),
         }),
     };
-    let backend = Backend::choose(&problem, Some(&exec)).unwrap();
+    let backend = chosen(&problem, &exec);
     (problem, backend, folder)
 }
 
@@ -32,12 +34,13 @@ fn sum(problem: &Problem, backend: &Backend) -> Result<(f64, [f64; 2]), String> 
         let told = |error| match error {
             NoAnswer::Refused(reason) => format!("refused {reason}"),
             NoAnswer::Failed(why) => why,
+            NoAnswer::Machine(why) => format!("machine: {why}"),
         };
         let mut prepared = simulator.prepare(&design).map_err(told)?;
         let baseline = prepared.analyse(State::Baseline).map_err(told)?.value;
         let sample = |number| {
             let mut rng = stats::streams::stream(1, stats::streams::Purpose::Wear, 0, number);
-            prepared.sample(&mut rng)
+            prepared.sample(&mut rng).map_err(told)
         };
         let [first, second] = [0, 1].map(sample);
         Ok((baseline, [first?, second?]))
@@ -152,4 +155,61 @@ fn a_command_may_end_before_it_is_waited_for() {
     let read = |line: &[u8]| output::Line::Answer(line.to_vec(), true);
     let status = process.ask("", Duration::from_secs(5), &read);
     assert_eq!(status, Ok(b"0".to_vec()));
+}
+
+/// The folder that an error names.
+fn kept(error: &str) -> std::path::PathBuf {
+    let (_, folder) = error.split_once("are kept in ").expect(error);
+    folder.into()
+}
+
+#[test]
+fn a_worker_keeps_the_folders_of_its_last_failed_runs() {
+    let (problem, backend, _folder) = through_files(TEMPLATE, "exit 3");
+    let failed = || kept(&sum(&problem, &backend).unwrap_err());
+    let folders: Vec<_> = (0..23).map(|_| failed()).collect();
+    let remain = folders.iter().map(|folder| folder.exists());
+    let expected = (0..23).map(|run| run >= 3);
+    assert!(remain.eq(expected), "{folders:?}");
+    for folder in &folders[3..] {
+        std::fs::remove_dir_all(folder).unwrap();
+    }
+}
+
+#[test]
+fn a_command_that_is_missing_is_the_fault_of_the_machine_until_it_has_answered() {
+    let (problem, backend, _folder) = through_files(TEMPLATE, "/no/such/solver");
+    let error = sum(&problem, &backend).unwrap_err();
+    assert!(
+        error.starts_with("machine: the simulator ended with status 127: "),
+        "{error}"
+    );
+    assert!(
+        error.contains("/no/such/solver") && error.ends_with("or correct --exec"),
+        "{error}"
+    );
+
+    // The first run answers, and the second one does not find a part of the program.
+    let folder = tempfile::tempdir().unwrap();
+    let flag = folder.path().join("answered");
+    let flag = flag.display();
+    let command = format!("[ -e '{flag}' ] && exit 127; : > '{flag}'; {SUM}");
+    let (problem, backend, _folder) = through_files(TEMPLATE, &command);
+    let error = sum(&problem, &backend).unwrap_err();
+    assert!(
+        error.starts_with("the simulator ended with status 127\n"),
+        "{error}"
+    );
+    std::fs::remove_dir_all(kept(&error)).unwrap();
+}
+
+#[test]
+fn a_template_that_cannot_be_read_is_the_fault_of_the_machine() {
+    let (problem, backend, folder) = through_files(TEMPLATE, SUM);
+    drop(folder);
+    let error = sum(&problem, &backend).unwrap_err();
+    assert!(
+        error.starts_with("machine: template ") && error.contains("No such file"),
+        "{error}"
+    );
 }

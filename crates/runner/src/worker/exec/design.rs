@@ -1,0 +1,100 @@
+//! A design that an external simulator evaluates and samples.
+
+use problem::formulation::Design;
+use problem::simulator::{Analysis, NoAnswer, Prepared, State};
+use problem::task::NOT_A_NUMBER;
+use rand::Rng as _;
+use serde_json::Value;
+use stats::streams::StreamRng;
+
+use super::{Session, messages};
+
+/// A design that a program simulates.
+pub(super) struct ExternalDesign<'a> {
+    session: &'a Session<'a>,
+    design: Design,
+    told: Value,
+    /// The responses known so far; the others are NaN.
+    responses: Vec<f64>,
+    was_evaluated: bool,
+}
+
+impl<'a> ExternalDesign<'a> {
+    /// Creates the design with what the program is `told` about it.
+    pub(super) fn new(session: &'a Session<'a>, design: &Design, told: &[(&str, f64)]) -> Self {
+        Self {
+            session,
+            told: messages::design(told),
+            design: design.clone(),
+            responses: vec![f64::NAN; session.problem.responses().len()],
+            was_evaluated: false,
+        }
+    }
+
+    /// Requests the responses at `places` that are not known yet.
+    fn evaluate(&mut self, places: &[usize]) -> Result<(), NoAnswer> {
+        let problem = self.session.problem;
+        let known = problem.responses();
+        let asked = |place: usize| &*known[place].name;
+        let missing = places
+            .iter()
+            .filter(|place| self.responses[**place].is_nan());
+        let wanted: Vec<&str> = missing.map(|place| asked(*place)).collect();
+        // If nothing is wanted, the program is still asked once: it may refuse the design.
+        if wanted.is_empty() && self.was_evaluated {
+            return Ok(());
+        }
+        let others: Vec<&str> = (0..known.len()).map(asked).collect();
+        let question = messages::evaluate(&self.told, &wanted);
+        let numbers = self.session.ask(question, &wanted, &others)?;
+        let odd = numbers.iter().find(|(_, value)| !value.is_finite());
+        if let Some((name, value)) = odd {
+            return Err(NoAnswer::Refused(format!(
+                "{NOT_A_NUMBER}: the simulator's {name} is {value}"
+            )));
+        }
+        for (response, quantity) in self.responses.iter_mut().zip(known) {
+            if let Some(number) = numbers.get(&*quantity.name) {
+                *response = *number;
+            }
+        }
+        self.was_evaluated = true;
+        Ok(())
+    }
+}
+
+impl Prepared for ExternalDesign<'_> {
+    fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
+        let problem = self.session.problem;
+        let wanted: Vec<usize> = problem.wanted(state).collect();
+        self.evaluate(&wanted)?;
+        let analysis = problem.analysis(&self.design, &self.responses, state);
+        let analysis = analysis.ok_or_else(|| {
+            NoAnswer::Failed("the responses are not those of the campaign".to_owned())
+        })?;
+        if problem.has_baseline() {
+            // An optimiser would take an implausible number for an optimum.
+            problem.check_sample(analysis.value).map_err(|why| {
+                let name = &problem.sampled().name;
+                NoAnswer::Failed(format!("the simulator's {name} {why}"))
+            })?;
+        }
+        Ok(analysis)
+    }
+
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer> {
+        // 128 bits of the stream, in words of 32 bits, which every program can represent.
+        let [low, high] = [rng.next_u64(), rng.next_u64()];
+        let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
+        let problem = self.session.problem;
+        let name = &*problem.sampled().name;
+        let question = messages::sample(&self.told, seed);
+        let answer = self.session.ask(question, &[name], &[name]);
+        let numbers = match answer {
+            Ok(numbers) => numbers,
+            Err(NoAnswer::Refused(_)) => return Ok(f64::NAN),
+            Err(why) => return Err(why),
+        };
+        Ok(numbers[name])
+    }
+}
