@@ -15,7 +15,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::messages::{Numbers, PROTOCOL, number};
+use super::messages::{Numbers, Object, PROTOCOL, number};
 use super::output::Line;
 use super::process::Process;
 
@@ -238,8 +238,10 @@ fn small(seed: [u32; 4]) -> u32 {
 fn results(text: &str) -> Result<Results, String> {
     const REFUSED: &str = "refused";
     if text.trim_start().starts_with('{') {
-        let mut object: Map<String, Value> =
+        let read: Object =
             serde_json::from_str(text).map_err(|error| format!(" is no JSON object: {error}"))?;
+        read.check().map_err(|doubled| format!(": {doubled}"))?;
+        let mut object = read.map;
         if let Some(Value::String(reason)) = object.remove(REFUSED) {
             return Ok(Results::Refused(reason));
         }
@@ -314,6 +316,7 @@ mod tests {
             ("y = 1\n\ny = 2", ", line 3: y has a value already"),
             ("{\"y\": \"one\"}", ": y is \"one\", which is not a number"),
             ("{\"y\": ", " is no JSON object: EOF"),
+            ("{\"y\": 1, \"y\": 2}", ": it has \"y\" more than once"),
         ] {
             let error = results(text).unwrap_err();
             assert!(error.starts_with(why), "{text}: {error}");

@@ -2,9 +2,12 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fmt;
 
 use problem::formulation::Problem;
 use serde::Deserialize;
+use serde::de::{MapAccess, Visitor};
+use serde_json::map::Entry;
 use serde_json::{Deserializer, Map, Value, json};
 
 use super::output::Line;
@@ -120,6 +123,53 @@ fn evaluated(problem: &Problem) -> Vec<&str> {
     responses.map(|response| &*response.name).collect()
 }
 
+/// A JSON object of a program.
+#[derive(Debug, Default)]
+pub(super) struct Object {
+    pub(super) map: Map<String, Value>,
+    /// A key that it has more than once. Its value is ambiguous.
+    doubled: Option<String>,
+}
+
+impl Object {
+    /// Refuses an object that has a key more than once.
+    pub(super) fn check(&self) -> Result<(), String> {
+        match &self.doubled {
+            Some(key) => Err(format!("it has {key:?} more than once")),
+            None => Ok(()),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Object {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(ObjectVisitor)
+    }
+}
+
+struct ObjectVisitor;
+
+impl<'de> Visitor<'de> for ObjectVisitor {
+    type Value = Object;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a JSON object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Object, A::Error> {
+        let mut object = Object::default();
+        while let Some((key, value)) = entries.next_entry::<String, Value>()? {
+            match object.map.entry(key) {
+                Entry::Vacant(free) => {
+                    free.insert(value);
+                }
+                Entry::Occupied(held) => object.doubled = Some(held.key().clone()),
+            }
+        }
+        Ok(object)
+    }
+}
+
 /// A design in the form of the requests.
 pub(super) fn design(told: &[(&str, f64)]) -> Value {
     let named = |(name, value): &(&str, f64)| ((*name).to_owned(), Value::from(*value));
@@ -178,14 +228,19 @@ pub(super) fn hear(line: &[u8], id: u64) -> Line<Map<String, Value>> {
         let Some(start) = text[from..].find('{').map(|start| from + start) else {
             break;
         };
-        let mut values = Deserializer::from_str(&text[start..]).into_iter::<Map<String, Value>>();
+        let mut values = Deserializer::from_str(&text[start..]).into_iter::<Object>();
         match values.next() {
-            Some(Ok(mut object)) => {
+            Some(Ok(read)) => {
                 let end = start + values.byte_offset();
+                let checked = read.check();
+                let mut object = read.map;
                 let theirs = object.get("id").and_then(Value::as_f64);
                 // A program may print the request for its user.
                 let is_answer = !object.contains_key("request");
                 if theirs == Some(id as f64) && is_answer {
+                    if let Err(doubled) = checked {
+                        return Line::Malformed(doubled);
+                    }
                     object.remove("id");
                     return Line::Answer(object, start == 0 && end == text.len());
                 }
@@ -383,6 +438,14 @@ mod tests {
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
                 "\"mood\", which is not one of the campaign's names",
+            ),
+            (
+                r#"{"delta_ste_um": 0.1, "delta_ste_um": 0.2, "id": 7}"#,
+                "\"delta_ste_um\" more than once",
+            ),
+            (
+                r#"{"id": 7, "delta_ste_um": 0.1, "id": 7}"#,
+                "\"id\" more than once",
             ),
             (r#"{"id": 7, "refused": "no"}"#, "a short name"),
             (r#"{"id": 7, "refused": 3}"#, "must be text"),
