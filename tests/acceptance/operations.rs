@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use acceptance::http::{LOCALHOST, get};
-use acceptance::{Sandbox, assert_code, changed, free_address, printed, small_campaign};
+use acceptance::{Sandbox, assert_code, changed, errors, free_address, printed, small_campaign};
 use runner::gateway::Role;
 use runner::gateway::client::ConnectArguments;
 
@@ -88,6 +88,17 @@ fn of_two_campaigns_with_one_folder_the_first_to_finish_has_the_report() {
         0,
     );
     assert!(sandbox.path("own/report.html").exists());
+}
+
+#[test]
+fn a_command_without_a_coordinator_names_the_way_to_a_store() {
+    let sandbox = Sandbox::new();
+    let output = sandbox.coordinator(&["status"]);
+    assert_code(&output, 11);
+    let message = errors(&output);
+    for part in ["`coordinator run` has no port", "status --db FILE"] {
+        assert!(message.contains(part), "no {part:?} in {message}");
+    }
 }
 
 /// From the second extension on, existing designs share strata of the finer grid.

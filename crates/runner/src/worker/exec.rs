@@ -9,6 +9,7 @@
 mod ending;
 mod files;
 mod messages;
+mod object;
 mod output;
 mod process;
 mod program;

@@ -15,7 +15,8 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::messages::{Numbers, Object, PROTOCOL, number};
+use super::messages::{Numbers, PROTOCOL, number};
+use super::object::Object;
 use super::output::Line;
 use super::process::Process;
 

@@ -2,14 +2,12 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fmt;
 
 use problem::formulation::Problem;
 use serde::Deserialize;
-use serde::de::{MapAccess, Visitor};
-use serde_json::map::Entry;
 use serde_json::{Deserializer, Map, Value, json};
 
+use super::object::Object;
 use super::output::Line;
 
 /// The version of the protocol, which both sides name at the start.
@@ -121,53 +119,6 @@ pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> 
 fn evaluated(problem: &Problem) -> Vec<&str> {
     let responses = problem.responses().iter();
     responses.map(|response| &*response.name).collect()
-}
-
-/// A JSON object of a program.
-#[derive(Debug, Default)]
-pub(super) struct Object {
-    pub(super) map: Map<String, Value>,
-    /// A key that it has more than once. Its value is ambiguous.
-    doubled: Option<String>,
-}
-
-impl Object {
-    /// Refuses an object that has a key more than once.
-    pub(super) fn check(&self) -> Result<(), String> {
-        match &self.doubled {
-            Some(key) => Err(format!("it has {key:?} more than once")),
-            None => Ok(()),
-        }
-    }
-}
-
-impl<'de> Deserialize<'de> for Object {
-    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_map(ObjectVisitor)
-    }
-}
-
-struct ObjectVisitor;
-
-impl<'de> Visitor<'de> for ObjectVisitor {
-    type Value = Object;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a JSON object")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Object, A::Error> {
-        let mut object = Object::default();
-        while let Some((key, value)) = entries.next_entry::<String, Value>()? {
-            match object.map.entry(key) {
-                Entry::Vacant(free) => {
-                    free.insert(value);
-                }
-                Entry::Occupied(held) => object.doubled = Some(held.key().clone()),
-            }
-        }
-        Ok(object)
-    }
 }
 
 /// A design in the form of the requests.
