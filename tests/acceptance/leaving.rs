@@ -195,3 +195,20 @@ fn a_finished_coordinator_that_keeps_serving_can_be_drained() {
         errors(&none)
     );
 }
+
+/// A worker that slept through the end of its campaign does not wait for the coordinator.
+#[test]
+fn a_worker_that_was_paused_until_the_end_leaves_soon() {
+    let sandbox = Sandbox::new();
+    let place = Place::long(&sandbox);
+    let coordinator = place.serve(&["--workers", "1"]);
+    let worker = place.worker(&["--slots", "1"]);
+    place.wait_for_some_samples();
+    worker.signal("STOP");
+    let (status, log) = coordinator.finish();
+    assert_eq!(status.code(), Some(0), "{log}");
+    worker.signal("CONT");
+    let (status, log) = worker.finish();
+    assert_eq!(status.code(), Some(11), "{log}");
+    assert!(log.contains("access file is gone"), "{log}");
+}

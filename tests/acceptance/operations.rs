@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use acceptance::http::{LOCALHOST, get};
-use acceptance::{Sandbox, assert_code, changed, free_address, printed, small_campaign};
+use acceptance::{Sandbox, assert_code, changed, errors, free_address, printed, small_campaign};
 use runner::gateway::Role;
 use runner::gateway::client::ConnectArguments;
 
@@ -51,6 +51,54 @@ fn a_campaign_made_larger_keeps_what_it_has() {
     assert_code(&run(&sandbox.write("other.toml", &other)), 6);
     let unchanged = sandbox.status("c.db").unwrap();
     assert_eq!(unchanged["samples_digest"], status["samples_digest"]);
+}
+
+#[test]
+fn of_two_campaigns_with_one_folder_the_first_to_finish_has_the_report() {
+    let sandbox = Sandbox::new();
+    let text = small_campaign(60, 6);
+    let late = sandbox.write("late.toml", &text);
+    let other = changed(&text, &[("seed = 2009", "seed = 2010")]);
+    let first = sandbox.write("first.toml", &other);
+    let serve = ["serve", late.to_str().unwrap(), "--db", "late.db"];
+    let options = ["--listen", "127.0.0.1:0", "--access", "c.access"];
+    let out = ["--out", "report"];
+    let late_one = sandbox.start("coordinator", &[&serve[..], &options, &out].concat());
+    let _ = sandbox.wait_for_file("c.access");
+    let run = ["run", first.to_str().unwrap(), "--db", "first.db"];
+    assert_code(&sandbox.coordinator(&[&run[..], &out].concat()), 0);
+    let report = || std::fs::read(sandbox.path("report/report.html")).unwrap();
+    let before = report();
+    let _worker = sandbox.start("worker", &["--access", "c.access", "--slots", "1"]);
+    let (status, said) = late_one.finish();
+    assert_eq!(status.code(), Some(4), "{said}");
+    for part in [
+        "all results are in late.db",
+        "with another --out",
+        "write to report: it holds the report of another campaign, \"",
+    ] {
+        assert!(said.contains(part), "no {part:?} in {said}");
+    }
+    assert!(before == report(), "the report was replaced");
+
+    // The results are kept: the same command writes the report elsewhere.
+    let again = ["run", late.to_str().unwrap(), "--db", "late.db"];
+    assert_code(
+        &sandbox.coordinator(&[&again[..], &["--out", "own"]].concat()),
+        0,
+    );
+    assert!(sandbox.path("own/report.html").exists());
+}
+
+#[test]
+fn a_command_without_a_coordinator_names_the_way_to_a_store() {
+    let sandbox = Sandbox::new();
+    let output = sandbox.coordinator(&["status"]);
+    assert_code(&output, 11);
+    let message = errors(&output);
+    for part in ["`coordinator run` has no port", "status --db FILE"] {
+        assert!(message.contains(part), "no {part:?} in {message}");
+    }
 }
 
 /// From the second extension on, existing designs share strata of the finer grid.

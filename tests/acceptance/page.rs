@@ -1,15 +1,19 @@
 //! The live page of a campaign: its data, their protection, and the page in a browser.
 
-use std::net::SocketAddr;
+use std::io::Write as _;
+use std::net::{SocketAddr, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use acceptance::browser::Browser;
 use acceptance::http::{Answer, Events, LOCALHOST, VIEWS, get};
-use acceptance::{Running, Sandbox, assert_code, free_address, quick_campaign, small_campaign};
+use acceptance::{
+    Running, Sandbox, assert_code, binary, free_address, quick_campaign, small_campaign,
+};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(60);
+
 fn ask(address: SocketAddr, path: &str) -> Answer {
     let since = Instant::now();
     loop {
@@ -253,6 +257,54 @@ fn many_pages_do_not_hold_up_a_campaign() {
     for digest in ["samples_digest", "point_samples_digest"] {
         assert_eq!(watched[digest], alone[digest]);
     }
+}
+
+/// More silent connections than the process may have open files.
+#[test]
+fn silent_connections_end_neither_the_campaign_nor_the_page() {
+    // This process needs a file for each of them, too.
+    results::descriptors::allow(4096);
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(300, 2000));
+    let http = free_address();
+    let coordinator = sandbox.start(
+        "/bin/sh",
+        &[
+            "-c",
+            "ulimit -n 256; exec \"$@\"",
+            "sh",
+            binary("coordinator").to_str().unwrap(),
+            "serve",
+            file.to_str().unwrap(),
+            "--db",
+            "c.db",
+            "--listen",
+            "127.0.0.1:0",
+            "--workers",
+            "1",
+            "--http",
+            &http.to_string(),
+            "--keep-serving",
+        ],
+    );
+    ask(http, "/healthz");
+    let silent: Vec<TcpStream> = (0..800)
+        .map(|number| {
+            let mut stream = TcpStream::connect(http).unwrap();
+            if number % 2 == 0 {
+                // The connection may have lost its place already.
+                let _ = stream.write_all(b"GET / HTTP/1.1\r\nHost: local");
+            }
+            stream
+        })
+        .collect();
+    assert_eq!(ask(http, "/healthz").body, "ok\n");
+    sandbox.wait_for("c.db", "the end", |status| status["finished"] == true);
+    assert_eq!(view(http, "status")["finished"], true);
+    drop(silent);
+    coordinator.terminate();
+    let (status, log) = coordinator.finish();
+    assert_eq!(status.code(), Some(0), "{log}");
 }
 
 /// The number of samples that the page shows.

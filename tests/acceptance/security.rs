@@ -4,6 +4,7 @@ use std::fs;
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
 use std::os::unix::fs::PermissionsExt as _;
+use std::os::unix::process::ExitStatusExt as _;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -243,6 +244,59 @@ fn a_secret_does_not_travel_in_clear() {
     let received = other.join().unwrap();
     assert!(!received.is_empty() && !received.contains("Bearer"));
     guarded.no_secret_in(&received);
+}
+
+/// A worker that is led to the live page says so.
+#[test]
+fn the_live_page_is_no_port_for_workers() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(10_000, 4000));
+    let page = free_address().to_string();
+    let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
+    let options = ["--listen", "127.0.0.1:0", "--access", FILE, "--http", &page];
+    let _coordinator = sandbox.start("coordinator", &[&serve[..], &options].concat());
+    let _ = sandbox.wait_for_file(FILE);
+    let output = sandbox.run("worker", &["--access", FILE, "--connect", &page]);
+    assert_code(&output, 12);
+    let message = errors(&output);
+    for part in [&page, "the live page", "access file"] {
+        assert!(message.contains(part), "no {part:?} in {message}");
+    }
+}
+
+/// A crash leaves no core dump, which would have the secrets in it.
+#[test]
+fn no_core_dump_holds_a_secret() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(10_000, 4000));
+    let unlimited = "ulimit -c unlimited; exec \"$@\"";
+    let other = Command::new("/bin/sh")
+        .args(["-c", unlimited, "sh", "/bin/sh", "-c", "kill -QUIT $$"])
+        .current_dir(sandbox.path(""))
+        .status()
+        .unwrap();
+    if !other.core_dumped() {
+        acceptance::skipped("programs that crash here leave no core dumps");
+        return;
+    }
+    let start = |program: &str, arguments: &[&str]| {
+        let path = binary(program);
+        let shell = ["-c", unlimited, "sh", path.to_str().unwrap()];
+        let arguments = [&shell, arguments].concat();
+        sandbox.start_with("/bin/sh", &arguments, &[("PITCHLINE_LOG", "info")])
+    };
+    let serve = ["serve", file.to_str().unwrap(), "--db", "c.db"];
+    let options = ["--listen", "127.0.0.1:0", "--access", FILE];
+    let coordinator = start("coordinator", &[&serve[..], &options].concat());
+    let _ = sandbox.wait_for_file(FILE);
+    let mut worker = start("worker", &["--access", FILE, "--slots", "1"]);
+    worker.wait_for_line("registered");
+    for program in [worker, coordinator] {
+        program.signal("QUIT");
+        let (status, log) = program.finish();
+        assert!(status.signal().is_some(), "{status}: {log}");
+        assert!(!status.core_dumped(), "{log}");
+    }
 }
 
 #[test]

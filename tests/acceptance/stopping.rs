@@ -1,8 +1,8 @@
-//! SIGTERM during the steps that the coordinator computes itself.
+//! Signals: SIGTERM during the steps that the coordinator computes itself, and SIGHUP.
 
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, changed, small_campaign};
+use acceptance::{Sandbox, binary, changed, small_campaign};
 
 use crate::campaign::{digest, export};
 
@@ -57,4 +57,35 @@ fn a_signal_ends_the_coordinator_in_the_middle_of_a_step() {
         let [stopped, whole] = ["stopped.db", "whole.db"].map(|db| export(&sandbox, db, table));
         assert!(stopped == whole, "{table} differ");
     }
+}
+
+#[test]
+fn a_closed_terminal_stops_a_campaign_unless_it_runs_under_nohup() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(10_000, 4000));
+    let file = file.to_str().unwrap();
+    let samples = |least: u64| {
+        let status = sandbox.wait_for("c.db", "samples", |status| {
+            status["samples"]["done"].as_u64() > Some(least)
+        });
+        status["samples"]["done"].as_u64().unwrap()
+    };
+    let run = ["run", file, "--db", "c.db", "--workers", "1"];
+    let running = sandbox.start_with("coordinator", &run, &[("PITCHLINE_LOG", "info")]);
+    let before = samples(0);
+    running.signal("HUP");
+    let (ended, said) = running.finish();
+    assert_eq!(ended.code(), Some(14), "{said}");
+    assert!(said.contains("start the same command again"), "{said}");
+
+    // nohup(1) starts a program with the signal ignored.
+    let program = binary("coordinator");
+    let ignoring = ["-c", "trap '' HUP; exec \"$@\"", "sh"];
+    let shell = [&ignoring[..], &[program.to_str().unwrap()], &run].concat();
+    let running = sandbox.start("/bin/sh", &shell);
+    let before = samples(before);
+    running.signal("HUP");
+    samples(before + 20_000);
+    running.terminate();
+    assert_eq!(running.finish().0.code(), Some(14));
 }

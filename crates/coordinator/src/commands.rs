@@ -119,6 +119,7 @@ async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
     let workers = local_workers(&campaign, &arguments.simulator, count)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
+        check_out,
         campaign,
         file_text: text,
         db,
@@ -174,6 +175,7 @@ async fn serve(arguments: arguments::Serve) -> Result<u8, ProgramError> {
     let workers = local_workers(&campaign, &arguments.simulator, arguments.workers)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
+        check_out,
         campaign,
         file_text: text,
         db: arguments.db,
@@ -243,6 +245,33 @@ async fn require_own_report(
         store.close().await?;
     }
     Ok(OutputFolder(out).require_own_report(&lineages)?)
+}
+
+/// The folder of a finished campaign's report has that of another campaign, which finished first.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "all results are in {}, but the report is not written: start the same command again with another \
+     --out",
+    db.display()
+)]
+struct ReportPlaceTaken {
+    db: PathBuf,
+    source: FileAccess,
+}
+
+impl HasExitCode for ReportPlaceTaken {
+    fn exit_code(&self) -> u8 {
+        self.source.exit_code()
+    }
+}
+
+/// Refuses the folder of a report that another campaign has written since this one began.
+fn check_out(plan: &Plan) -> Result<(), ProgramError> {
+    let own = OutputFolder(&plan.out).require_own_report(&[plan.campaign.lineage()]);
+    Ok(own.map_err(|source| ReportPlaceTaken {
+        db: plan.db.clone(),
+        source,
+    })?)
 }
 
 async fn conduct(plan: Plan) -> Result<u8, ProgramError> {

@@ -7,7 +7,7 @@
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`report`] is the report with its charts; [`comparison`] puts the paper's figures beside ours.
 //! - [`number`] shows numbers to people.
-//! - [`live`] is the live page.
+//! - [`live`] is the live page, and [`descriptors`] what connections leave to files.
 //! - [`snapshot`] has the rows of a campaign, and [`optima`] its optima, verified and ranked.
 //! - [`modelling`] fits models to tables of a user's own.
 
@@ -17,6 +17,7 @@ pub mod comparison;
 mod converged;
 pub mod costs;
 pub mod describing;
+pub mod descriptors;
 mod doubts;
 pub mod export;
 pub mod live;

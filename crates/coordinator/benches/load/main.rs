@@ -61,6 +61,7 @@ fn main() -> anyhow::Result<()> {
         })
     };
     let what = arguments.first().map(String::as_str);
+    port::allow_many_files();
     // The same number of threads as in the two programs.
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .worker_threads(if what == Some("worker") { 1 } else { 2 })
@@ -304,6 +305,7 @@ async fn serve(arguments: &[String]) -> anyhow::Result<()> {
         file_text: text,
         db: db.into(),
         out: Path::new(db).with_extension("report"),
+        check_out: |_| Ok(()),
         workers: LocalWorkers {
             count: 0,
             exec: None,

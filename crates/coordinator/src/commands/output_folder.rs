@@ -34,7 +34,10 @@ impl OutputFolder<'_> {
     pub(super) fn require_own_report(self, lineages: &[String]) -> Result<(), FileAccess> {
         let check = |head: &str| match report::campaign_digest(head) {
             Some(digest) if lineages.iter().any(|own| own == digest) => Ok(()),
-            Some(_) => Err("it holds the report of another campaign".to_owned()),
+            Some(_) => Err(match report::campaign_name(head) {
+                Some(name) => format!("it holds the report of another campaign, {name:?}"),
+                None => "it holds the report of another campaign".to_owned(),
+            }),
             None => Err(format!(
                 "its {} is not a report of this program",
                 report::FILE
@@ -118,6 +121,11 @@ mod tests {
             std::fs::write(path.join(report::FILE), head).unwrap();
             assert_eq!(out.require_own_report(&lineages).is_ok(), is_own, "{head}");
         }
+        let head =
+            r#"<meta name="campaign-digest" content="def"><meta name="campaign" content="b">"#;
+        std::fs::write(path.join(report::FILE), head).unwrap();
+        let error = out.require_own_report(&lineages).unwrap_err();
+        assert!(error.source.to_string().contains("campaign, \"b\""));
         let file = path.join("notes.txt");
         assert!(OutputFolder(&file).require_own_report(&lineages).is_err());
     }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use results::describing::describe;
 use results::status::{self, Status};
 use results::table::SCHEMA_VERSION;
-use runner::exit::{self, ProgramError};
+use runner::exit::{self, HasExitCode, ProgramError};
 use runner::gateway::client::ConnectArguments;
 use runner::gateway::{Link, Role};
 use runner::protocol::v1::{DrainRequest, ExplainRequest, RetryRequest, WatchRequest};
@@ -98,8 +98,27 @@ impl Source {
     }
 }
 
-fn link(connect: &ConnectArguments) -> Result<Link, runner::gateway::Error> {
-    connect.link(Role::Client)
+/// There is no access file, perhaps because the campaign has no port.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{0}; a campaign of `coordinator run` has no port: `coordinator status --db FILE` reads its store, and Ctrl-C \
+     stops it"
+)]
+struct NoPort(runner::gateway::Error);
+
+impl HasExitCode for NoPort {
+    fn exit_code(&self) -> u8 {
+        self.0.exit_code()
+    }
+}
+
+fn link(connect: &ConnectArguments) -> Result<Link, ProgramError> {
+    Ok(match connect.link(Role::Client) {
+        Err(missing @ runner::gateway::Error::NoAccess { .. }) => {
+            return Err(NoPort(missing).into());
+        }
+        link => link?,
+    })
 }
 
 /// `coordinator explain`.

@@ -46,6 +46,7 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
             file_text: member.file_text.clone(),
             db: member.db.clone(),
             out: member.report.clone(),
+            check_out: super::check_out,
             workers: workers.clone(),
             port: None,
             keep_serving: false,

@@ -4,6 +4,9 @@
 //! A page of another site could reach it from a browser under a host name of its own that resolves
 //! to this machine (DNS rebinding), so requests with such a `Host` are refused. Without a header
 //! that permits it, no browser lets another site read an answer.
+//!
+//! Everybody on the machine can also connect: the number of connections and the time for a request are
+//! limited, so that nobody keeps the page from others or the store from its files.
 
 use std::convert::Infallible;
 use std::net::IpAddr;
@@ -18,9 +21,18 @@ use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use futures_util::{Stream, StreamExt as _, stream};
-use tokio::net::TcpListener;
+use http_body_util::BodyExt as _;
+use hyper::body::Incoming;
+use hyper::server::conn::http1;
+use hyper::service::{Service as _, service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
+use crate::descriptors;
+use crate::live::admission::{Place, Places};
 use crate::live::metrics;
 use crate::live::site::{Body, Site, View};
 
@@ -31,6 +43,13 @@ const SCRIPT: &str = include_str!("../../page/page.js");
 /// The resources that a browser may load for the page: its own files, and the images in its data.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; \
                       img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+/// Maximum number of connections.
+pub const CONNECTIONS: usize = 256;
+/// Time limit for the headers of a request, also of the next one on a connection.
+const HEADERS: Duration = Duration::from_secs(10);
+/// Time to wait for a file descriptor when there is none for a connection.
+const NO_DESCRIPTOR: Duration = Duration::from_millis(5);
 
 /// Interval between messages to a listening page, so that a broken connection is noticed.
 const HEARTBEAT: Duration = Duration::from_secs(10);
@@ -43,7 +62,7 @@ const LONGEST_FAREWELL: Duration = Duration::from_secs(3);
 ///
 /// # Errors
 ///
-/// The listener fails.
+/// The listener has no address.
 pub async fn serve(
     listener: TcpListener,
     site: Arc<Site>,
@@ -51,15 +70,89 @@ pub async fn serve(
 ) -> std::io::Result<()> {
     let is_loopback = listener.local_addr()?.ip().is_loopback();
     let router = router(Arc::clone(&site), is_loopback);
-    let ended = async move {
+    let closing = CancellationToken::new();
+    // Connections are dropped together with this task.
+    let mut connections = JoinSet::new();
+    let ended = async {
         if site.send_changes(&stop).await {
             let quiet = site.quiet(FAREWELL);
             let _ = tokio::time::timeout(LONGEST_FAREWELL, quiet).await;
         }
     };
-    axum::serve(listener, router)
-        .with_graceful_shutdown(ended)
-        .await
+    tokio::select! {
+        () = ended => {}
+        never = accept(&listener, &router, &closing, &mut connections) => match never {},
+    }
+    drop(listener);
+    closing.cancel();
+    let rest = async { while connections.join_next().await.is_some() {} };
+    // A connection that is silent, or does not read its answer, is cut.
+    let _ = tokio::time::timeout(LONGEST_FAREWELL, rest).await;
+    Ok(())
+}
+
+/// Accepts connections and serves them until `closing`.
+async fn accept(
+    listener: &TcpListener,
+    router: &Router,
+    closing: &CancellationToken,
+    connections: &mut JoinSet<()>,
+) -> Infallible {
+    let places = Places::new(CONNECTIONS);
+    loop {
+        while connections.try_join_next().is_some() {}
+        let accepted = listener.accept().await;
+        let is_scarce = match &accepted {
+            Ok((stream, _)) => descriptors::is_of_reserve(stream, descriptors::RESERVE),
+            // Most likely there are no file descriptors left.
+            Err(_) => true,
+        };
+        let has_room = !is_scarce || places.close_idle();
+        if let Ok((stream, _)) = accepted
+            && has_room
+        {
+            let service = TowerToHyperService::new(router.clone());
+            connections.spawn(attend(stream, service, places.arrive(), closing.clone()));
+        }
+        if is_scarce {
+            tokio::time::sleep(NO_DESCRIPTOR).await;
+        }
+    }
+}
+
+/// Serves a connection until it ends, loses its place, or has no request to answer after `closing`.
+async fn attend(
+    stream: TcpStream,
+    router: TowerToHyperService<Router>,
+    place: Arc<Place>,
+    closing: CancellationToken,
+) {
+    let service = service_fn(|request: Request<Incoming>| {
+        let being_sent = place.answer();
+        let answer = router.call(request);
+        async move {
+            let answer = answer.await?;
+            // The body has the guard until it is sent: `map_err` keeps its length.
+            let keep = move |error| {
+                let _ = &being_sent;
+                error
+            };
+            Ok::<_, Infallible>(answer.map(|body| body.map_err(keep)))
+        }
+    });
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEADERS)
+        .serve_connection(TokioIo::new(stream), service);
+    let mut connection = std::pin::pin!(connection);
+    tokio::select! {
+        // A client's fault, such as headers that never end.
+        _ = connection.as_mut() => return,
+        () = place.lost() => return,
+        () = closing.cancelled() => {}
+    }
+    connection.as_mut().graceful_shutdown();
+    let _ = connection.await;
 }
 
 fn router(site: Arc<Site>, is_loopback: bool) -> Router {

@@ -8,12 +8,14 @@
 //!   hundred open pages cost as much as one and no reader delays the writer.
 //! - [`metrics`] exposes the status to Prometheus.
 //! - [`http`] serves all of that: `/`, `/api/v1/…`, `/api/v1/events`, `/healthz` and `/metrics`.
+//!   `admission` limits its connections.
 //!
 //! The store is only read. The page itself is in `page/`, as the HTML, style and script that are
 //! served.
 
 #![expect(clippy::disallowed_methods, reason = "views are kept for a moment")]
 
+mod admission;
 mod designs;
 pub mod http;
 pub mod metrics;

@@ -50,7 +50,7 @@ pub use error::Error;
 pub use model::{Slice, VariableIndices};
 pub use page::{
     ChartFile, PAGE_STYLE, PairPage, ReportFiles, TradeoffPage, TradeoffRow, TradeoffStudy,
-    campaign_digest, render, render_atlas, render_pair, render_tradeoff,
+    campaign_digest, campaign_name, render, render_atlas, render_pair, render_tradeoff,
 };
 pub use printed::{PaperFigures, PreliminaryDesign, PrintedDesign, PrintedFigure, SimilarDesign};
 pub(crate) use quantity::label;

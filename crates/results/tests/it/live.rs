@@ -162,6 +162,24 @@ async fn a_page_that_listens_hears_the_end() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_request_that_never_ends_is_cut() {
+    let server = Server::start().await;
+    for begun in ["", "GET / HTTP/1.1\r\nHost: local"] {
+        let mut stream = TcpStream::connect(server.address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(60)))
+            .unwrap();
+        stream.write_all(begun.as_bytes()).unwrap();
+        let mut answer = String::new();
+        let read = stream.read_to_string(&mut answer);
+        assert!(read.is_ok(), "{begun:?}: {read:?}");
+        assert!(!answer.contains("200 OK"), "{begun:?}: {answer}");
+    }
+    server.stop.cancel();
+    server.ended.await.unwrap().unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_hundred_open_pages_read_the_store_about_once() {
     let (_folder, store) = super::new_store().await;
     let asked = Arc::new(AtomicU32::new(0));

@@ -1,5 +1,5 @@
-//! Console facilities shared by the coordinator and the worker: log, progress bars, signals, help,
-//! and messages to a service manager.
+//! Console facilities shared by the coordinator and the worker: their start, log, progress bars, signals,
+//! help, and messages to a service manager.
 
 #![expect(
     clippy::disallowed_methods,
@@ -7,18 +7,21 @@
 )]
 
 pub mod service;
+mod signals;
 
 use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use crate::exit::{self, ProgramError};
+use crate::gateway::port;
 use indicatif::MultiProgress;
-use tokio::signal::unix::{SignalKind, signal};
-use tokio_util::sync::CancellationToken;
+use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
+
+pub use signals::watch_signals;
 
 /// The environment variable that sets the log levels.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";
@@ -82,12 +85,22 @@ fn levels(text: &str) -> Result<Targets, BadLogLevel> {
     text.parse().map_err(|_| bad())
 }
 
+/// Keeps the memory of this process, which holds tokens and a key, from core dumps and debuggers. A limit
+/// on the size of core dumps would not: the system ignores it if dumps go to a program, and simulators
+/// would inherit it.
+fn protect_memory() {
+    // Every Linux has it.
+    let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
+}
+
 /// Runs a program with a log and an async runtime. An error is printed and becomes the exit code.
 pub fn run(
     format: LogFormat,
     threads: usize,
     program: impl Future<Output = Result<u8, ProgramError>>,
 ) -> ExitCode {
+    protect_memory();
+    port::allow_many_files();
     if let Err(error) = start_log(format) {
         complain(&error.to_string());
         return ExitCode::from(exit::USAGE);
@@ -155,33 +168,16 @@ pub fn help_footer() -> String {
     )
 }
 
-/// Cancels `shutdown` at the first SIGTERM or SIGINT, after logging `notice`. A later SIGINT, such
-/// as a second Ctrl-C, ends the program at once. A later SIGTERM has no effect, since batch systems
-/// send several.
-pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
-    let (Ok(mut terminate), Ok(mut interrupt)) = (
-        signal(SignalKind::terminate()),
-        signal(SignalKind::interrupt()),
-    ) else {
-        return;
-    };
-    loop {
-        let is_interrupt = tokio::select! {
-            _ = terminate.recv() => false,
-            _ = interrupt.recv() => true,
-        };
-        if !shutdown.is_cancelled() {
-            tracing::info!("{notice}");
-            shutdown.cancel();
-        } else if is_interrupt {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_programs_memory_is_protected() {
+        protect_memory();
+        let behaviour = rustix::process::dumpable_behavior().unwrap();
+        assert_eq!(behaviour, DumpableBehavior::NotDumpable);
+    }
 
     #[test]
     fn what_is_no_level_is_refused_with_those_there_are() {

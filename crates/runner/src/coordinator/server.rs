@@ -45,6 +45,9 @@ pub struct Plan {
     pub db: PathBuf,
     /// The folder of the report.
     pub out: PathBuf,
+    /// Refuses the folder of the report, before the report is written, if another campaign has put its own
+    /// there since this one began.
+    pub check_out: fn(&Self) -> Result<(), ProgramError>,
     /// The workers of this process; may be empty.
     pub workers: LocalWorkers,
     /// The port for other processes, if any.
@@ -246,6 +249,9 @@ async fn run_open(
         // A campaign is not finished before the check of its store file has ended.
         if let Err(damaged) = store.checked().await {
             break Err(damaged.into());
+        }
+        if let Err(taken) = (plan.check_out)(plan) {
+            break Err(taken);
         }
         let labels = crate::coordinator::provenance::labels();
         let report = report::write(store, &plan.out, &labels).await?;

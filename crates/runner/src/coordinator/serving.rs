@@ -1,6 +1,6 @@
 //! The port, the service and the workers of this process, while a campaign runs.
 
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use crate::exit::{self, HasExitCode, ProgramError};
 use crate::gateway::Guard;
 use crate::gateway::access::Issuer;
 use crate::gateway::port::{self, Listeners};
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
 use tokio::task::{JoinHandle, JoinSet};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
@@ -59,6 +59,26 @@ pub async fn listen(option: &'static str, address: SocketAddr) -> Result<TcpList
         })
 }
 
+/// Connections that wait to be accepted, as of [`TcpListener::bind`].
+const BACKLOG: u32 = 1024;
+
+/// Listens on all interfaces, over IPv6 and IPv4 if the machine has both.
+async fn listen_everywhere(port: u16) -> Result<TcpListener, ListenError> {
+    match listen_dual(port) {
+        Ok(listener) => Ok(listener),
+        Err(_) => listen("--listen", (Ipv4Addr::UNSPECIFIED, port).into()).await,
+    }
+}
+
+/// Listens on all interfaces over IPv6, and over IPv4 whatever the system's default is.
+fn listen_dual(port: u16) -> std::io::Result<TcpListener> {
+    let socket = TcpSocket::new_v6()?;
+    socket.set_reuseaddr(true)?;
+    rustix::net::sockopt::set_ipv6_v6only(&socket, false)?;
+    socket.bind((Ipv6Addr::UNSPECIFIED, port).into())?;
+    socket.listen(BACKLOG)
+}
+
 /// A bound port, and its access file, which is locked but not yet written.
 pub(crate) struct OpenPort {
     /// The names of this machine for the access file.
@@ -74,19 +94,20 @@ impl OpenPort {
     pub(crate) async fn new(port: &Port, name: &str) -> Result<Self, ProgramError> {
         let issuer = Issuer::new(&port.access, name)?;
         let guard = issuer.guard()?;
-        let everywhere = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
         let listener = match (port.listen, issuer.last_port()) {
             (Some(address), _) => listen("--listen", address).await?,
             // Workers that wait for this coordinator try the last port first.
-            (None, Some(last)) => match listen("--listen", everywhere(last)).await {
+            (None, Some(last)) => match listen_everywhere(last).await {
                 Ok(listener) => listener,
-                Err(_) => listen("--listen", everywhere(0)).await?,
+                Err(_) => listen_everywhere(0).await?,
             },
-            (None, None) => listen("--listen", everywhere(0)).await?,
+            (None, None) => listen_everywhere(0).await?,
         };
         let address = listener.local_addr().map_err(|source| ListenError {
             option: "--listen",
-            address: everywhere(0),
+            address: port
+                .listen
+                .unwrap_or_else(|| (Ipv6Addr::UNSPECIFIED, 0).into()),
             source,
         })?;
         Ok(Self {
@@ -195,5 +216,26 @@ pub(crate) async fn farewell(board: &Board) {
     let deadline = tokio::time::Instant::now() + FAREWELL;
     while !board.all_dismissed() && tokio::time::Instant::now() < deadline {
         tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::net::TcpStream;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn a_port_on_all_interfaces_is_reached_over_both_protocols() {
+        let listener = listen_everywhere(0).await.unwrap();
+        let port = listener.local_addr().unwrap().port();
+        TcpStream::connect((Ipv4Addr::LOCALHOST, port))
+            .await
+            .unwrap();
+        let has_ipv6 = std::net::TcpListener::bind((Ipv6Addr::LOCALHOST, 0)).is_ok();
+        let reached = TcpStream::connect((Ipv6Addr::LOCALHOST, port)).await;
+        assert_eq!(reached.is_ok(), has_ipv6);
+        // The port is taken for both.
+        assert!(listen_everywhere(port).await.is_err());
     }
 }

@@ -74,7 +74,7 @@ impl From<Address> for String {
 }
 
 /// Parses a host: an IP address, or letters, digits, hyphens and underscores between dots. RFC 1123
-/// has no underscores, but names of containers do.
+/// has no underscores, but names of containers do. An IPv6 address may have brackets.
 pub fn host(text: &str) -> Result<String, AddressError> {
     let label = |label: &str| {
         (1..=63).contains(&label.len())
@@ -84,6 +84,12 @@ pub fn host(text: &str) -> Result<String, AddressError> {
             && !label.starts_with('-')
             && !label.ends_with('-')
     };
+    let bare = text
+        .strip_prefix('[')
+        .and_then(|rest| rest.strip_suffix(']'));
+    if let Some(address) = bare.and_then(|bare| bare.parse::<Ipv6Addr>().ok()) {
+        return Ok(address.to_string());
+    }
     if text.parse::<IpAddr>().is_ok() || (text.len() <= 253 && text.split('.').all(label)) {
         return Ok(text.to_owned());
     }
@@ -136,6 +142,7 @@ mod tests {
         ] {
             assert_eq!(host(good).as_deref(), Ok(good));
         }
+        assert_eq!(host("[2001:db8::1]").as_deref(), Ok("2001:db8::1"));
         for bad in [
             "",
             "a b",
@@ -144,6 +151,7 @@ mod tests {
             "a..b",
             "https://head",
             "head:7400",
+            "[head]",
             "*.x",
         ] {
             assert!(host(bad).is_err(), "{bad}");

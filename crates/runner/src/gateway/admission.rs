@@ -73,16 +73,19 @@ impl Places {
     }
 
     /// Closes the oldest newcomer, for example when the process has run out of file descriptors.
-    pub(crate) fn close_oldest(&self) {
-        self.lock().close_oldest();
+    /// Returns false if there is none.
+    pub(crate) fn close_oldest(&self) -> bool {
+        self.lock().close_oldest()
     }
 }
 
 impl Newcomers {
-    fn close_oldest(&mut self) {
-        if let Some((_, lost)) = self.waiting.pop_first() {
+    fn close_oldest(&mut self) -> bool {
+        let oldest = self.waiting.pop_first();
+        if let Some((_, lost)) = &oldest {
             lost.cancel();
         }
+        oldest.is_some()
     }
 }
 

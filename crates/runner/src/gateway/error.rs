@@ -48,6 +48,11 @@ pub enum Error {
     Unreachable { address: String, reason: String },
     #[error("the coordinator at {address} has been away for {seconds} s; giving up")]
     Away { address: String, seconds: u64 },
+    #[error(
+        "nothing listens at {address}, and the coordinator's access file is gone, as at the end of a \
+         campaign; giving up"
+    )]
+    Gone { address: String },
     #[error("the coordinator at {address} refused: {message}")]
     Refused {
         address: String,
@@ -79,9 +84,10 @@ impl Error {
 impl HasExitCode for Error {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Unreachable { .. } | Self::Away { .. } | Self::NoAccess { .. } => {
-                exit::UNREACHABLE
-            }
+            Self::Unreachable { .. }
+            | Self::Away { .. }
+            | Self::Gone { .. }
+            | Self::NoAccess { .. } => exit::UNREACHABLE,
             Self::Refused { .. } | Self::Tls { .. } => exit::REFUSED,
             Self::SeveralCoordinators { .. } => exit::USAGE,
             Self::NoFolder

@@ -102,6 +102,13 @@ impl Link {
         self.route.address()
     }
 
+    /// Whether the last attempt to connect found neither an access file nor a program that listens, as after the
+    /// end of a campaign.
+    #[must_use]
+    pub fn is_abandoned(&self) -> bool {
+        self.route.is_abandoned()
+    }
+
     /// The channel, for clients of other services than the campaign's.
     #[must_use]
     pub fn channel(&self) -> LinkChannel {

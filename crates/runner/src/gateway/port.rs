@@ -8,6 +8,7 @@
 
 use std::convert::Infallible;
 use std::io;
+use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
@@ -16,6 +17,7 @@ use std::time::Duration;
 use crate::protocol::v1::campaign_server::{Campaign, CampaignServer};
 use crate::protocol::{DESCRIPTORS, MAX_MESSAGE_BYTES};
 use anyhow::Context as _;
+use results::{descriptors, live};
 use tokio::io::{
     AsyncRead, AsyncReadExt as _, AsyncWrite, AsyncWriteExt as _, DuplexStream, ReadBuf,
 };
@@ -46,6 +48,10 @@ const HANDSHAKE_LIMIT: Duration = Duration::from_secs(10);
 const CALLS: u32 = 2048;
 /// Maximum total size of the headers of one call, in bytes.
 const HEADERS: u32 = 16 * 1024;
+/// Number of file descriptors left to the live page and to files.
+const RESERVE: u64 = descriptors::RESERVE + live::http::CONNECTIONS as u64;
+/// Time to wait for a file descriptor when there is none for a connection.
+const NO_DESCRIPTOR: Duration = Duration::from_millis(5);
 /// Size of the buffer of a connection within the process, in each direction, in bytes.
 const LOCAL_BUFFER: usize = 256 * 1024;
 
@@ -136,18 +142,11 @@ async fn serve_services(
     }
 }
 
-/// Raises the limit on open files: each connection needs one, and the usual 1024 are too few for a
-/// thousand workers.
-fn allow_many_files() {
-    use rustix::process::{Resource, getrlimit, setrlimit};
-    let mut limit = getrlimit(Resource::Nofile);
-    let wanted = (NEWCOMERS + ADMITTED) as u64 + 1024;
-    let possible = limit.maximum.map_or(wanted, |maximum| maximum.min(wanted));
-    if limit.current.is_some_and(|current| current < possible) {
-        limit.current = Some(possible);
-        // Otherwise the port serves fewer workers and logs when it must refuse one.
-        let _ = setrlimit(Resource::Nofile, limit);
-    }
+/// Raises the limit on open files to what the connections of a port and of a live page take, and more. A
+/// program does this once, when it starts.
+pub fn allow_many_files() {
+    let connections = NEWCOMERS + ADMITTED + live::http::CONNECTIONS;
+    descriptors::allow(connections as u64 + 1024);
 }
 
 /// Passes connections from within the process to the server.
@@ -168,7 +167,6 @@ async fn accept_port(
     tls: TlsAcceptor,
     through: mpsc::Sender<io::Result<Connection>>,
 ) -> Infallible {
-    allow_many_files();
     let places = Places::new(NEWCOMERS, ADMITTED);
     let failures = Arc::new(LogLimit::default());
     // Connections that are being opened are dropped together with this task.
@@ -176,7 +174,11 @@ async fn accept_port(
     loop {
         while opening.try_join_next().is_some() {}
         let (stream, address) = match listener.accept().await {
-            Ok(accepted) => accepted,
+            // A port for both protocols sees IPv4 addresses as parts of IPv6 ones.
+            Ok((stream, address)) => {
+                let ip = address.ip().to_canonical();
+                (stream, SocketAddr::new(ip, address.port()))
+            }
             Err(error) => {
                 if let Some(more) = failures.permit() {
                     warn!(%error, more, "cannot accept a connection");
@@ -184,10 +186,21 @@ async fn accept_port(
                 // Most likely there are no file descriptors left: closing the oldest newcomer frees
                 // one.
                 places.close_oldest();
-                tokio::time::sleep(Duration::from_millis(5)).await;
+                tokio::time::sleep(NO_DESCRIPTOR).await;
                 continue;
             }
         };
+        if descriptors::is_of_reserve(&stream, RESERVE) {
+            let has_room = places.close_oldest();
+            // Closing takes a moment.
+            tokio::time::sleep(NO_DESCRIPTOR).await;
+            if !has_room {
+                if let Some(more) = failures.permit() {
+                    warn!(peer = %address, more, "too few open files are allowed for another connection");
+                }
+                continue;
+            }
+        }
         let newcomer = places.arrive();
         let (tls, through, failures) = (tls.clone(), through.clone(), Arc::clone(&failures));
         opening.spawn(async move {

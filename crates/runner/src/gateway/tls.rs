@@ -38,7 +38,10 @@ pub enum TlsFault {
     NotYetValid,
     #[error("shows a certificate that cannot be used ({0})")]
     Unusable(String),
-    #[error("does not speak TLS: is it a coordinator?")]
+    #[error(
+        "does not speak TLS: this is the live page or another program; the access file has the port \
+         for workers and commands"
+    )]
     NoTls,
     #[error("speaks another kind of TLS ({0}): this program speaks TLS 1.3 with HTTP/2")]
     Incompatible(String),

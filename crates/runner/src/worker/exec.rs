@@ -11,6 +11,7 @@ mod ending;
 mod fault;
 mod files;
 mod messages;
+mod object;
 mod output;
 mod process;
 mod program;

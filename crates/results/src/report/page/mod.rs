@@ -49,8 +49,17 @@ pub fn render(report: &Report) -> Result<ReportFiles, Error> {
 /// report, or one of a version that did not write the digest.
 #[must_use]
 pub fn campaign_digest(html: &str) -> Option<&str> {
-    let mark = "<meta name=\"campaign-digest\" content=\"";
-    let (_, rest) = html.split_once(mark)?;
-    let (digest, _) = rest.split_once('"')?;
-    Some(digest)
+    meta(html, "campaign-digest")
+}
+
+/// The name of the campaign whose report begins with `html`, under the conditions of [`campaign_digest`].
+#[must_use]
+pub fn campaign_name(html: &str) -> Option<&str> {
+    meta(html, "campaign")
+}
+
+/// The content of the `meta` element of this name.
+fn meta<'a>(html: &'a str, name: &str) -> Option<&'a str> {
+    let (_, rest) = html.split_once(&format!("<meta name=\"{name}\" content=\""))?;
+    rest.split_once('"').map(|(content, _)| content)
 }

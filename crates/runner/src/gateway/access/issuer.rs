@@ -3,7 +3,7 @@
 use std::fmt;
 use std::fs::{self, DirBuilder, File, TryLockError};
 use std::io;
-use std::net::SocketAddr;
+use std::net::{Ipv6Addr, SocketAddr};
 use std::os::unix::fs::DirBuilderExt as _;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -166,15 +166,22 @@ fn check_earlier(access: &Access, key: &str, campaign: &str) -> Result<(), Strin
 }
 
 /// The addresses of a coordinator that listens at `address`: first the hosts given by the user;
-/// then its own address or, if it listens on all interfaces, this machine's name and the loopback
-/// address.
+/// then its own address or, if it listens on all interfaces, this machine's name, the loopback
+/// address and, for machines without IPv4, its IPv6 addresses.
 fn addresses(address: SocketAddr, hosts: &[String]) -> Vec<Address> {
     let port = address.port();
     let own = if address.ip().is_unspecified() {
         let name = rustix::system::uname();
         let name = name.nodename().to_str().ok();
         let name = name.and_then(|name| address::host(name).ok());
-        name.into_iter().chain(["127.0.0.1".to_owned()]).collect()
+        let interfaces = if address.is_ipv6() {
+            fs::read_to_string("/proc/net/if_inet6").unwrap_or_default()
+        } else {
+            String::new()
+        };
+        let ipv6 = lasting_ipv6(&interfaces);
+        let own = name.into_iter().chain(["127.0.0.1".to_owned()]);
+        own.chain(ipv6.map(|address| address.to_string())).collect()
     } else {
         vec![address.ip().to_string()]
     };
@@ -186,6 +193,23 @@ fn addresses(address: SocketAddr, hosts: &[String]) -> Vec<Address> {
         }
     }
     addresses
+}
+
+/// The addresses that other machines may reach among those of Linux's `/proc/net/if_inet6`: global and unique local
+/// ones, without those that end soon.
+fn lasting_ipv6(interfaces: &str) -> impl Iterator<Item = Ipv6Addr> {
+    /// `RT_SCOPE_UNIVERSE` of rtnetlink(7).
+    const GLOBAL: u32 = 0;
+    /// `IFA_F_TEMPORARY`, `IFA_F_DADFAILED`, `IFA_F_DEPRECATED` and `IFA_F_TENTATIVE` of rtnetlink(7).
+    const PASSING: u32 = 0x01 | 0x08 | 0x20 | 0x40;
+    interfaces.lines().filter_map(|line| {
+        // Address, number of the interface, length of the prefix, scope, flags and name, without 0x.
+        let mut words = line.split_ascii_whitespace();
+        let address = u128::from_str_radix(words.next()?, 16).ok()?;
+        let mut number = |skipped| u32::from_str_radix(words.nth(skipped)?, 16).ok();
+        let (scope, flags) = (number(2)?, number(0)?);
+        (scope == GLOBAL && flags & PASSING == 0).then(|| Ipv6Addr::from(address))
+    })
 }
 
 fn key_file(path: &Path) -> PathBuf {
@@ -243,6 +267,27 @@ mod tests {
         assert_ne!(third.certificate, first.certificate);
         assert_ne!(third.worker_token, first.worker_token);
         assert_ne!(third.client_token, first.client_token);
+    }
+
+    #[test]
+    fn addresses_that_last_are_named() {
+        let interfaces = "\
+            fd000000000000000000000000000002 04 40 00 82     eth0\n\
+            20010db8000000000000000000000007 04 40 00 80     eth0\n\
+            20010db800000000aaaaaaaaaaaaaaaa 04 40 00 01     eth0\n\
+            20010db8000000000000000000000008 04 40 00 40     eth0\n\
+            fe8000000000000000fc00fffe000001 04 40 20 80     eth0\n\
+            00000000000000000000000000000001 01 80 10 80       lo\n\
+            rubbish\n";
+        let named: Vec<String> = lasting_ipv6(interfaces)
+            .map(|address| address.to_string())
+            .collect();
+        assert_eq!(named, ["fd00::2", "2001:db8::7"]);
+        let everywhere = addresses(address("[::]:7400"), &["2001:db8::7".to_owned()]);
+        assert_eq!(everywhere[0].to_string(), "[2001:db8::7]:7400");
+        assert!(everywhere.iter().any(|one| one.host == "127.0.0.1"));
+        let ipv4 = addresses(address("0.0.0.0:7400"), &[]);
+        assert!(ipv4.iter().all(|one| !one.host.contains(':')));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 use std::pin::Pin;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::{Context, Poll};
 use std::time::Duration;
@@ -51,6 +52,14 @@ impl Route {
         }
     }
 
+    /// Whether there is neither an access file nor a program that listens.
+    pub(super) fn is_abandoned(&self) -> bool {
+        match self {
+            Self::Access(route) => route.is_abandoned.load(Ordering::Relaxed),
+            Self::Local(_) => false,
+        }
+    }
+
     /// Notes that the two sides do not accept each other's secrets. Returns whether they did not
     /// accept the same ones before.
     pub(super) fn is_refused_again(&self) -> bool {
@@ -86,6 +95,8 @@ pub(super) struct AccessRoute {
     target: Mutex<Arc<Target>>,
     /// The target at which the two sides last did not accept each other's secrets.
     refused: Mutex<Option<Arc<Target>>>,
+    /// Whether the last attempt found no file, and an address at which nothing listens.
+    is_abandoned: AtomicBool,
 }
 
 impl AccessRoute {
@@ -97,6 +108,7 @@ impl AccessRoute {
             role,
             target: Mutex::new(Arc::new(target)),
             refused: Mutex::default(),
+            is_abandoned: AtomicBool::new(false),
         })
     }
 
@@ -105,26 +117,40 @@ impl AccessRoute {
     }
 
     /// Reads the access file again. If it cannot be used, for example after the campaign's end, the
-    /// target stays.
-    async fn follow(&self) {
+    /// target stays. Returns whether there is a file.
+    async fn follow(&self) -> bool {
         let (path, connect, role) = (self.path.clone(), self.connect.clone(), self.role);
         // Reading a file on a network file system may block.
         let reading = move || read(&path, connect.as_ref(), role);
-        if let Ok(Ok(target)) = tokio::task::spawn_blocking(reading).await {
-            *lock(&self.target) = Arc::new(target);
+        match tokio::task::spawn_blocking(reading).await {
+            Ok(Ok(target)) => *lock(&self.target) = Arc::new(target),
+            Ok(Err(Error::NoAccess { .. })) => return false,
+            _ => {}
         }
+        true
     }
 
-    /// Opens a connection to the first address that answers, or returns the first failure.
+    /// Reads the access file again and opens a connection to the first address that answers, or returns the first
+    /// failure.
     async fn open(&self) -> io::Result<Box<dyn Stream>> {
+        let has_file = self.follow().await;
         let target = self.target();
         let mut first = None;
+        let mut is_refused = false;
         for address in &target.addresses {
             match open(address, &target.tls).await {
-                Ok(stream) => return Ok(stream),
-                Err(error) => first = first.or(Some(error)),
+                Ok(stream) => {
+                    self.is_abandoned.store(false, Ordering::Relaxed);
+                    return Ok(stream);
+                }
+                Err(error) => {
+                    is_refused |= error.kind() == io::ErrorKind::ConnectionRefused;
+                    first = first.or(Some(error));
+                }
             }
         }
+        let is_abandoned = is_refused && !has_file;
+        self.is_abandoned.store(is_abandoned, Ordering::Relaxed);
         Err(first.expect("a target has an address"))
     }
 }
@@ -181,10 +207,7 @@ impl tower::Service<Uri> for Connector {
         let route = Arc::clone(&self.0);
         Box::pin(async move {
             let stream = match &*route {
-                Route::Access(route) => {
-                    route.follow().await;
-                    route.open().await?
-                }
+                Route::Access(route) => route.open().await?,
                 Route::Local(dial) => dial.open().await?,
             };
             Ok(TokioIo::new(stream))

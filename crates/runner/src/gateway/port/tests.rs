@@ -1,6 +1,5 @@
 //! Tests of the port through real connections.
 
-use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
 use crate::protocol::Refusal;
@@ -20,6 +19,7 @@ struct Port {
 
 impl Port {
     async fn open(issuer: &Issuer) -> Self {
+        allow_many_files();
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = listener.local_addr().unwrap();
         let stop = CancellationToken::new();

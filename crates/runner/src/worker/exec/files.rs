@@ -17,6 +17,7 @@ use sha2::{Digest as _, Sha256};
 
 use super::fault::Fault;
 use super::messages::{Numbers, PROTOCOL, number};
+use super::object::Object;
 use super::output::Line;
 use super::process::Process;
 
@@ -306,8 +307,10 @@ fn small(seed: [u32; 4]) -> u32 {
 fn results(text: &str) -> Result<Results, String> {
     const REFUSED: &str = "refused";
     if text.trim_start().starts_with('{') {
-        let mut object: Map<String, Value> =
+        let read: Object =
             serde_json::from_str(text).map_err(|error| format!(" is no JSON object: {error}"))?;
+        read.check().map_err(|doubled| format!(": {doubled}"))?;
+        let mut object = read.map;
         if let Some(Value::String(reason)) = object.remove(REFUSED) {
             return Ok(Results::Refused(reason));
         }
@@ -382,6 +385,7 @@ mod tests {
             ("y = 1\n\ny = 2", ", line 3: y has a value already"),
             ("{\"y\": \"one\"}", ": y is \"one\", which is not a number"),
             ("{\"y\": ", " is no JSON object: EOF"),
+            ("{\"y\": 1, \"y\": 2}", ": it has \"y\" more than once"),
         ] {
             let error = results(text).unwrap_err();
             assert!(error.starts_with(why), "{text}: {error}");

@@ -7,6 +7,7 @@ use problem::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Deserializer, Map, Value, json};
 
+use super::object::Object;
 use super::output::Line;
 
 /// The version of the protocol, which both sides name at the start.
@@ -178,14 +179,19 @@ pub(super) fn hear(line: &[u8], id: u64) -> Line<Map<String, Value>> {
         let Some(start) = text[from..].find('{').map(|start| from + start) else {
             break;
         };
-        let mut values = Deserializer::from_str(&text[start..]).into_iter::<Map<String, Value>>();
+        let mut values = Deserializer::from_str(&text[start..]).into_iter::<Object>();
         match values.next() {
-            Some(Ok(mut object)) => {
+            Some(Ok(read)) => {
                 let end = start + values.byte_offset();
+                let checked = read.check();
+                let mut object = read.map;
                 let theirs = object.get("id").and_then(Value::as_f64);
                 // A program may print the request for its user.
                 let is_answer = !object.contains_key("request");
                 if theirs == Some(id as f64) && is_answer {
+                    if let Err(doubled) = checked {
+                        return Line::Malformed(doubled);
+                    }
                     object.remove("id");
                     return Line::Answer(object, start == 0 && end == text.len());
                 }
@@ -383,6 +389,14 @@ mod tests {
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
                 "\"mood\", which is not one of the campaign's names",
+            ),
+            (
+                r#"{"delta_ste_um": 0.1, "delta_ste_um": 0.2, "id": 7}"#,
+                "\"delta_ste_um\" more than once",
+            ),
+            (
+                r#"{"id": 7, "delta_ste_um": 0.1, "id": 7}"#,
+                "\"id\" more than once",
             ),
             (r#"{"id": 7, "refused": "no"}"#, "a short name"),
             (r#"{"id": 7, "refused": 3}"#, "must be text"),

@@ -44,7 +44,8 @@ impl Contact {
 
 impl SharedState {
     /// Waits until the coordinator has been away for the time limit of the options. Time in which
-    /// jobs are computed does not count: their results will be wanted.
+    /// jobs are computed does not count: their results will be wanted. A coordinator that has removed
+    /// its access file does not come back: the wait is short.
     pub(super) async fn away(&self) -> Error {
         let limit = self.options.give_up_after;
         let mut has_complained = false;
@@ -72,6 +73,10 @@ impl SharedState {
                 } else {
                     warn!(%address, leaving_in, "the coordinator does not answer");
                 }
+            }
+            if waited > SILENCE && self.connection.is_abandoned() {
+                let address = self.connection.address();
+                return crate::gateway::Error::Gone { address }.into();
             }
             if waited > limit {
                 return crate::gateway::Error::Away {
