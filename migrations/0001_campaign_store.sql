@@ -11,7 +11,8 @@
 -- number (an optimum has its approach's number); for a run 2 << 56 | the approach's number << 32 | the start.
 --
 -- `seal` is a digest of the row's other columns, the first 64 bits of a SHA-256 read as two's complement: a value
--- that changes outside the program is noticed when the row is read. Rows that are not results have none.
+-- that changes outside the program is noticed when the row is read. Rows that neither are results nor decide what is
+-- computed, such as times, have none. Indexes are compared with their tables when the store is opened or checked.
 
 -- "PTCH": distinguishes a store from other SQLite files.
 PRAGMA application_id = 0x50544348;
@@ -47,9 +48,6 @@ CREATE TABLE criteria (
     seal      INTEGER NOT NULL
 ) STRICT;
 
--- Counts of criteria, and of the simulable ones, from a tenth of the pages.
-CREATE INDEX criteria_simulable ON criteria (simulable);
-
 -- The samples of designs, of optima that are verified and of infill points, packed: a row for each sample would cost
 -- ten times as much processor time.
 CREATE TABLE sample_block (
@@ -79,7 +77,7 @@ CREATE TABLE model (
     json         TEXT    NOT NULL,
     summary_json TEXT    NOT NULL,
     seal         INTEGER NOT NULL
-) STRICT;
+) STRICT, WITHOUT ROWID;
 
 CREATE TABLE optimiser_run (
     stream          INTEGER NOT NULL PRIMARY KEY,
@@ -236,7 +234,7 @@ CREATE TABLE stage_time (
 
 -- Crashes, failures and quarantines in the order of their reports. Append-only.
 CREATE TABLE failure (
-    failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+    failure    INTEGER NOT NULL PRIMARY KEY,
     stream     INTEGER NOT NULL,
     -- Whether the lease had other streams, too, any of which may be the cause.
     shared     INTEGER NOT NULL CHECK (shared IN (0, 1)),
@@ -248,7 +246,8 @@ CREATE TABLE failure (
     serial     INTEGER,
     kind       TEXT    NOT NULL CHECK (kind IN ('crash', 'failure', 'quarantine')),
     error      TEXT    NOT NULL,
-    at_unix_ms INTEGER
+    at_unix_ms INTEGER,
+    seal       INTEGER NOT NULL
 ) STRICT;
 
 CREATE UNIQUE INDEX failure_once ON failure (worker, serial) WHERE serial IS NOT NULL;
@@ -259,5 +258,6 @@ CREATE TABLE failure_tally (
     cause        TEXT    NOT NULL,
     failures     INTEGER NOT NULL CHECK (failures > 0),
     last_failure INTEGER NOT NULL REFERENCES failure (failure),
+    seal         INTEGER NOT NULL,
     PRIMARY KEY (kind, cause)
 ) STRICT, WITHOUT ROWID;

@@ -254,3 +254,30 @@ fn a_full_file_system_ends_the_campaign_with_a_sentence() {
     let status = sandbox.status("s.db").unwrap();
     assert_eq!(status["finished"], true, "{status}");
 }
+
+/// A result that is stored but not found again, as after damage to the pages that lead to it, does not make the
+/// coordinator compute it for ever.
+#[test]
+fn a_result_that_is_not_found_again_ends_the_run() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
+    let file = file.to_str().unwrap();
+    let run = ["run", file, "--db", "t.db"];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let lose = "import sqlite3
+store = sqlite3.connect('t.db')
+store.executescript('''DELETE FROM derivation WHERE name = 'responses';
+CREATE TRIGGER lost AFTER INSERT ON derivation WHEN new.name = 'responses'
+BEGIN DELETE FROM derivation WHERE name = 'responses'; END''')
+store.close()
+";
+    let script = sandbox.write("lose.py", lose);
+    let lost = shell(&sandbox, &acceptance::python(&script));
+    assert!(lost.status.success(), "{}", errors(&lost));
+    let output = sandbox.coordinator(&run);
+    assert_refused(
+        &output,
+        &[8],
+        "t.db is damaged (computing responses was done 2 times",
+    );
+}

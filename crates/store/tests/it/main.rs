@@ -1,5 +1,6 @@
 //! The store on real files.
 
+mod bits;
 mod damage;
 mod evaluations;
 mod extending;

@@ -85,6 +85,31 @@ async fn a_store_that_is_removed_while_it_is_used_is_missed() {
     }
 }
 
+/// In a folder that others can write to, the lock's name may lead to a file of the coordinator's user.
+#[cfg(unix)]
+#[tokio::test]
+async fn a_lock_file_is_the_owners_alone() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let (folder, path) = folder();
+    let (lock, victim) = (beside(&path, ".lock"), folder.path().join("victim"));
+    fs::write(&victim, "0000000000000000000000").unwrap();
+    std::os::unix::fs::symlink(&victim, &lock).unwrap();
+    let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert_eq!(fs::read(&victim).unwrap(), [b'0'; 22]);
+    assert!(!path.exists());
+
+    fs::remove_file(&lock).unwrap();
+    let mode = || fs::metadata(&lock).unwrap().permissions().mode() & 0o777;
+    store_with(&path, 1).await.close().await.unwrap();
+    assert_eq!(mode(), 0o600);
+    // A user who can open the file can lock it.
+    fs::set_permissions(&lock, fs::Permissions::from_mode(0o666)).unwrap();
+    open(&path).await.close().await.unwrap();
+    assert_eq!(mode(), 0o600);
+}
+
 /// The loss is noticed without a write.
 #[cfg(unix)]
 #[tokio::test]
