@@ -7,13 +7,13 @@
 use std::fs::{self, File};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 use sqlx::ConnectOptions as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 
 use crate::campaign::{self, CampaignRow};
-use crate::connection::{Connection, Readers};
+use crate::connection::{Connection, Readers, waiting};
+use crate::error::BUSY_TIMEOUT;
 use crate::identity::{self, FileIdentity};
 use crate::integrity::{self, Integrity, ReadOptions};
 use crate::lock::Lock;
@@ -34,9 +34,6 @@ const TRY_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLL
 /// Number of reading connections: for a status page, an export and a report at once, and a spare
 /// one.
 const READERS: u32 = 4;
-
-/// Time that a statement waits for a lock. Only foreign tools can hold one for long.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Number of rows that a reader fetches at a time. A round trip to SQLite's thread costs more than
 /// a row, and a row of samples has up to 32 KiB.
@@ -127,7 +124,7 @@ impl Store {
         let connection = if at_once {
             let mut connection = Connection::open(&options, &path).await?;
             // SQLite opens a file that is not writable and reports that only when a row is written.
-            connection.run(TRY_TO_WRITE).await?;
+            waiting(&path, connection.run(TRY_TO_WRITE)).await?;
             Some(connection)
         } else {
             None
