@@ -31,6 +31,18 @@ CREATE TABLE campaign (
     seal            INTEGER NOT NULL
 ) STRICT;
 
+-- The worker processes that computed the rows with their number in the column `origin`; NULL there stands for the
+-- coordinator itself, or for a source that is not known. No result depends on an origin.
+CREATE TABLE origin (
+    origin INTEGER NOT NULL PRIMARY KEY,
+    worker TEXT    NOT NULL,
+    -- As the worker named it, or the file that its results were merged from.
+    host   TEXT    NOT NULL,
+    build  TEXT    NOT NULL,
+    seal   INTEGER NOT NULL,
+    UNIQUE (worker, host, build)
+) STRICT;
+
 CREATE TABLE design (
     design INTEGER NOT NULL PRIMARY KEY CHECK (design >= 0),
     x      BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
@@ -45,7 +57,9 @@ CREATE TABLE criteria (
     reason    TEXT,
     -- NULL for a design that is not simulable.
     responses BLOB    CHECK (length(responses) % 8 = 0),
-    seal      INTEGER NOT NULL
+    seal      INTEGER NOT NULL,
+    -- Not part of the digest, here and in the tables of runs and evaluations: results with other origins are the same.
+    origin    INTEGER REFERENCES origin (origin)
 ) STRICT;
 
 -- The samples of designs, of optima that are verified and of infill points, packed: a row for each sample would cost
@@ -58,6 +72,8 @@ CREATE TABLE sample_block (
     -- The sampled response, at most 4096 values. An infinite one stands for a sample that failed.
     samples      BLOB    NOT NULL CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % 8 = 0),
     seal         INTEGER NOT NULL,
+    -- Part of the digest. Samples of two origins are never in one block.
+    origin       INTEGER REFERENCES origin (origin),
     PRIMARY KEY (stream, first_sample)
 ) STRICT, WITHOUT ROWID;
 
@@ -85,7 +101,8 @@ CREATE TABLE optimiser_run (
     simulator_calls INTEGER NOT NULL CHECK (simulator_calls >= 0),
     -- Measured, here and below, so no part of any result.
     cpu_seconds     REAL    NOT NULL,
-    seal            INTEGER NOT NULL
+    seal            INTEGER NOT NULL,
+    origin          INTEGER REFERENCES origin (origin)
 ) STRICT;
 
 -- Evaluations of the candidates of an optimiser run by an external simulator. A restarted coordinator computes the
@@ -107,6 +124,7 @@ CREATE TABLE evaluation (
     worn_criteria BLOB    CHECK (length(worn_criteria) % 8 = 0),
     -- The sampled response, for a direct search; NULL if a constraint is violated.
     samples       BLOB    CHECK (length(samples) % 8 = 0),
+    origin        INTEGER REFERENCES origin (origin),
     PRIMARY KEY (stream, evaluation)
 ) STRICT, WITHOUT ROWID;
 

@@ -16,8 +16,8 @@ use crate::blocks::Streams;
 use crate::connection::Connection;
 use crate::samples;
 use crate::{
-    campaign, criteria, derived, designs, evaluations, failures, infill, models, optima, responses,
-    rounds, runs,
+    campaign, criteria, derived, designs, evaluations, failures, infill, models, optima, origins,
+    responses, rounds, runs,
 };
 
 /// The path and options for reading a store's file.
@@ -148,6 +148,7 @@ async fn check_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
     rounds::all(connection).await?;
     infill::all(connection).await?;
     derived::all(connection).await?;
+    origins::all(connection).await?;
     failures::all(connection).await?;
     failures::groups(connection).await?;
     Ok(())

@@ -451,7 +451,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "sample_block",
             "first_sample 10 of design-1",
-            "INSERT INTO sample_block SELECT stream, 10, samples, seal FROM sample_block
+            "INSERT INTO sample_block SELECT stream, 10, samples, seal, origin FROM sample_block
                 WHERE first_sample = 50",
         ),
         (

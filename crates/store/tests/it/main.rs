@@ -2,6 +2,7 @@
 
 mod bits;
 mod damage;
+mod discarding;
 mod evaluations;
 mod extending;
 #[cfg(unix)]

@@ -71,6 +71,7 @@ async fn every_table_gives_back_what_was_put() {
         evaluations: vec![],
         derivations: vec![],
         only_for: None,
+        origin: None,
     };
     let responses = [
         ResponseRow {
