@@ -11,7 +11,8 @@
 -- number (an optimum has its approach's number); for a run 2 << 56 | the approach's number << 32 | the start.
 --
 -- `seal` is a digest of the row's other columns, the first 64 bits of a SHA-256 read as two's complement: a value
--- that changes outside the program is noticed when the row is read. Rows that are not results have none.
+-- that changes outside the program is noticed when the row is read. Rows that neither are results nor decide what is
+-- computed, such as times, have none. Indexes are compared with their tables when the store is opened or checked.
 
 -- "PTCH": distinguishes a store from other SQLite files.
 PRAGMA application_id = 0x50544348;
@@ -30,6 +31,18 @@ CREATE TABLE campaign (
     seal            INTEGER NOT NULL
 ) STRICT;
 
+-- The worker processes that computed the rows with their number in the column `origin`; NULL there stands for the
+-- coordinator itself, or for a source that is not known. No result depends on an origin.
+CREATE TABLE origin (
+    origin INTEGER NOT NULL PRIMARY KEY,
+    worker TEXT    NOT NULL,
+    -- As the worker named it, or the file that its results were merged from.
+    host   TEXT    NOT NULL,
+    build  TEXT    NOT NULL,
+    seal   INTEGER NOT NULL,
+    UNIQUE (worker, host, build)
+) STRICT;
+
 CREATE TABLE design (
     design INTEGER NOT NULL PRIMARY KEY CHECK (design >= 0),
     x      BLOB    NOT NULL CHECK (length(x) > 0 AND length(x) % 8 = 0),
@@ -44,11 +57,10 @@ CREATE TABLE criteria (
     reason    TEXT,
     -- NULL for a design that is not simulable.
     responses BLOB    CHECK (length(responses) % 8 = 0),
-    seal      INTEGER NOT NULL
+    seal      INTEGER NOT NULL,
+    -- Not part of the digest, here and in the tables of runs and evaluations: results with other origins are the same.
+    origin    INTEGER REFERENCES origin (origin)
 ) STRICT;
-
--- Counts of criteria, and of the simulable ones, from a tenth of the pages.
-CREATE INDEX criteria_simulable ON criteria (simulable);
 
 -- The samples of designs, of optima that are verified and of infill points, packed: a row for each sample would cost
 -- ten times as much processor time.
@@ -60,6 +72,8 @@ CREATE TABLE sample_block (
     -- The sampled response, at most 4096 values. An infinite one stands for a sample that failed.
     samples      BLOB    NOT NULL CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % 8 = 0),
     seal         INTEGER NOT NULL,
+    -- Part of the digest. Samples of two origins are never in one block.
+    origin       INTEGER REFERENCES origin (origin),
     PRIMARY KEY (stream, first_sample)
 ) STRICT, WITHOUT ROWID;
 
@@ -79,7 +93,7 @@ CREATE TABLE model (
     json         TEXT    NOT NULL,
     summary_json TEXT    NOT NULL,
     seal         INTEGER NOT NULL
-) STRICT;
+) STRICT, WITHOUT ROWID;
 
 CREATE TABLE optimiser_run (
     stream          INTEGER NOT NULL PRIMARY KEY,
@@ -87,7 +101,8 @@ CREATE TABLE optimiser_run (
     simulator_calls INTEGER NOT NULL CHECK (simulator_calls >= 0),
     -- Measured, here and below, so no part of any result.
     cpu_seconds     REAL    NOT NULL,
-    seal            INTEGER NOT NULL
+    seal            INTEGER NOT NULL,
+    origin          INTEGER REFERENCES origin (origin)
 ) STRICT;
 
 -- Evaluations of the candidates of an optimiser run by an external simulator. A restarted coordinator computes the
@@ -109,6 +124,7 @@ CREATE TABLE evaluation (
     worn_criteria BLOB    CHECK (length(worn_criteria) % 8 = 0),
     -- The sampled response, for a direct search; NULL if a constraint is violated.
     samples       BLOB    CHECK (length(samples) % 8 = 0),
+    origin        INTEGER REFERENCES origin (origin),
     PRIMARY KEY (stream, evaluation)
 ) STRICT, WITHOUT ROWID;
 
@@ -236,7 +252,7 @@ CREATE TABLE stage_time (
 
 -- Crashes, failures and quarantines in the order of their reports. Append-only.
 CREATE TABLE failure (
-    failure    INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT,
+    failure    INTEGER NOT NULL PRIMARY KEY,
     stream     INTEGER NOT NULL,
     -- The first sample that failed or was held; NULL for a failure of the stream as a whole.
     sample     INTEGER CHECK (sample >= 0),
@@ -250,7 +266,8 @@ CREATE TABLE failure (
     serial     INTEGER,
     kind       TEXT    NOT NULL CHECK (kind IN ('crash', 'failure', 'quarantine')),
     error      TEXT    NOT NULL,
-    at_unix_ms INTEGER
+    at_unix_ms INTEGER,
+    seal       INTEGER NOT NULL
 ) STRICT;
 
 CREATE UNIQUE INDEX failure_once ON failure (worker, serial) WHERE serial IS NOT NULL;
@@ -261,5 +278,6 @@ CREATE TABLE failure_tally (
     cause        TEXT    NOT NULL,
     failures     INTEGER NOT NULL CHECK (failures > 0),
     last_failure INTEGER NOT NULL REFERENCES failure (failure),
+    seal         INTEGER NOT NULL,
     PRIMARY KEY (kind, cause)
 ) STRICT, WITHOUT ROWID;

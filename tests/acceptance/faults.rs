@@ -2,7 +2,7 @@
 //! rows. A store is never silently replaced by a new one.
 
 use std::fs::OpenOptions;
-use std::io::{Seek as _, SeekFrom, Write as _};
+use std::io::{Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -253,4 +253,77 @@ fn a_full_file_system_ends_the_campaign_with_a_sentence() {
     assert_code(&sandbox.coordinator(&["run", file, "--db", "s.db"]), 0);
     let status = sandbox.status("s.db").unwrap();
     assert_eq!(status["finished"], true, "{status}");
+}
+
+/// A result that is stored but not found again, as after damage to the pages that lead to it, does not make the
+/// coordinator compute it for ever.
+#[test]
+fn a_result_that_is_not_found_again_ends_the_run() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
+    let file = file.to_str().unwrap();
+    let run = ["run", file, "--db", "t.db"];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let lose = "import sqlite3
+store = sqlite3.connect('t.db')
+store.executescript('''DELETE FROM derivation WHERE name = 'responses';
+CREATE TRIGGER lost AFTER INSERT ON derivation WHEN new.name = 'responses'
+BEGIN DELETE FROM derivation WHERE name = 'responses'; END''')
+store.close()
+";
+    let script = sandbox.write("lose.py", lose);
+    let lost = shell(&sandbox, &acceptance::python(&script));
+    assert!(lost.status.success(), "{}", errors(&lost));
+    let output = sandbox.coordinator(&run);
+    assert_refused(
+        &output,
+        &[8],
+        "t.db is damaged (computing responses was done 2 times",
+    );
+}
+
+#[test]
+fn a_report_that_does_not_fit_on_the_disk_is_an_error_of_files() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
+    let file = file.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "w.db"]), 0);
+    // Blocks of 512 bytes: SQLite's index of the log fits, the report does not.
+    let script = "trap '' XFSZ; ulimit -f 100; exec \"$0\" report --db w.db --out w";
+    assert_refused(&shell(&sandbox, script), &[4], "cannot write");
+    let script = "exec \"$0\" status --db w.db > /dev/full";
+    assert_refused(&shell(&sandbox, script), &[4], "space");
+}
+
+#[test]
+fn a_reader_says_that_it_waits_for_another_program() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
+    let file = file.to_str().unwrap();
+    assert_code(&sandbox.coordinator(&["run", file, "--db", "b.db"]), 0);
+    let hold = "import sqlite3, sys
+store = sqlite3.connect('b.db', isolation_level=None)
+store.execute('PRAGMA locking_mode = EXCLUSIVE')
+store.execute('BEGIN EXCLUSIVE')
+print('held', flush=True)
+sys.stdin.read()
+";
+    let script = sandbox.write("hold.py", hold);
+    let mut holder = Command::new("sh")
+        .args(["-c", &acceptance::python(&script)])
+        .current_dir(sandbox.path("."))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("there is a shell");
+    let mut held = [0; 4];
+    let said = holder.stdout.as_mut().expect("it is captured");
+    said.read_exact(&mut held).expect("it says that it holds");
+    let log = [("PITCHLINE_LOG", "info")];
+    let mut reader = sandbox.start_with("coordinator", &["status", "--db", "b.db"], &log);
+    reader.wait_for_line("another program that has locked the store");
+    drop(holder.stdin.take());
+    assert!(holder.wait().expect("it ends").success());
+    let (status, said) = reader.finish();
+    assert_eq!(status.code(), Some(0), "{said}");
 }

@@ -1,7 +1,7 @@
 //! Campaigns in which everything fails, some of it fails, or nothing can be found: what they say, and that
 //! the same command again repairs them.
 
-use acceptance::{Sandbox, assert_code, changed, printed, python};
+use acceptance::{Sandbox, assert_code, changed, printed, python, small_campaign};
 use serde_json::Value;
 
 /// A parabola of two variables with a constraint, in a few seconds.
@@ -189,4 +189,58 @@ fn an_approach_without_a_model_says_why() {
         html.contains("There is no kriging model: "),
         "no reason in the report"
     );
+}
+
+/// What is discarded is computed again, and the results are those of before.
+#[test]
+fn discarded_results_are_computed_again() {
+    let sandbox = Sandbox::new();
+    let file = sandbox.write("c.toml", &small_campaign(12, 10));
+    let file = file.to_str().unwrap();
+    let run = ["run", file, "--db", "c.db", "--out", "out"];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let before = sandbox.status("c.db").expect("the store is there");
+    let table = ["export", "--db", "c.db", "--table", "blocks", "--out", "-"];
+    let blocks = sandbox.coordinator(&table);
+    assert_code(&blocks, 0);
+    let blocks = printed(&blocks);
+    let of_design = blocks.lines().find(|line| line.starts_with("design-"));
+    let cells: Vec<&str> = of_design.expect("a sampled design").split(',').collect();
+    let (design, host) = (cells[0].trim_start_matches("design-"), cells[4]);
+    assert!(!host.is_empty(), "{blocks}");
+
+    let counted = |what: [&str; 2], yes: bool| -> Value {
+        let arguments = ["discard", "--db", "c.db", "--json", what[0], what[1]];
+        let arguments = arguments.into_iter().chain(yes.then_some("--yes"));
+        let output = sandbox.coordinator(&arguments.collect::<Vec<_>>());
+        assert_code(&output, 0);
+        serde_json::from_str(&printed(&output)).expect("one JSON object")
+    };
+    for what in [["--design", design], ["--worker", host]] {
+        let would = counted(what, false);
+        assert!(would["samples"].as_u64() >= Some(10), "{would}");
+        assert_eq!(
+            sandbox.status("c.db").unwrap()["samples"],
+            before["samples"]
+        );
+        let removed = counted(what, true);
+        for key in ["samples", "criteria", "evaluations", "runs"] {
+            assert_eq!(removed[key], would[key], "{key}");
+        }
+        let left = sandbox.status("c.db").unwrap();
+        assert!(left["samples"]["done"].as_u64() < before["samples"]["done"].as_u64());
+        assert_code(&sandbox.coordinator(&run), 0);
+        let after = sandbox.status("c.db").unwrap();
+        for key in [
+            "samples_digest",
+            "point_samples_digest",
+            "samples",
+            "optima",
+            "finished",
+        ] {
+            assert_eq!(after[key], before[key], "{what:?}: {key}");
+        }
+    }
+    let nothing = counted(["--worker", "nobody"], true);
+    assert_eq!(nothing["samples"], 0);
 }

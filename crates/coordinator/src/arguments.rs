@@ -59,6 +59,8 @@ pub(crate) enum Command {
     Drain(Drain),
     /// Try the quarantined jobs again
     Retry(Retry),
+    /// Remove stored results of a design or of a worker, to be computed again
+    Discard(Discard),
     /// Run a campaign for each of several numbers of teeth, and compare
     Sweep(Sweep),
     /// Design with and without profile corrections, and compare
@@ -272,6 +274,36 @@ pub(crate) struct Drain {
 pub(crate) struct Retry {
     #[command(flatten)]
     pub(crate) connect: ConnectArguments,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Discard {
+    /// The store, which no coordinator may have open
+    #[arg(long, value_name = "FILE")]
+    pub(crate) db: PathBuf,
+    #[command(flatten)]
+    pub(crate) what: DiscardTarget,
+    /// Remove them; without it they are only counted
+    #[arg(long)]
+    pub(crate) yes: bool,
+    /// Accept a store on a network file system, whose locks and syncs may be unreliable
+    #[arg(long)]
+    pub(crate) allow_network_store: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// The results that `discard` removes.
+#[derive(Debug, Args)]
+#[group(required = true, multiple = false)]
+pub(crate) struct DiscardTarget {
+    /// Samples and criteria of the design with this number
+    #[arg(long, value_name = "N")]
+    pub(crate) design: Option<u32>,
+    /// Everything that came from this worker, or from all workers of this host
+    #[arg(long, value_name = "ID-or-HOST")]
+    pub(crate) worker: Option<String>,
 }
 
 #[derive(Debug, Args)]

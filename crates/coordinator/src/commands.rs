@@ -28,6 +28,7 @@ use crate::progress::Progress;
 
 mod checking;
 mod cluster;
+mod discarding;
 mod modelling;
 mod output;
 mod output_folder;
@@ -65,6 +66,7 @@ pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
         Command::Explain(arguments) => steering::explain(&arguments).await,
         Command::Drain(arguments) => steering::drain(&arguments).await,
         Command::Retry(arguments) => steering::retry(&arguments).await,
+        Command::Discard(arguments) => discarding::discard(arguments).await,
         Command::Sweep(arguments) => studies::sweep(arguments).await,
         Command::Corrections(arguments) => studies::corrections(arguments).await,
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,

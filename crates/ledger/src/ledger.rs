@@ -171,6 +171,12 @@ impl<P: Clone> Ledger<P> {
         streams.len()
     }
 
+    /// The host that a worker named; `None` if it is not registered.
+    #[must_use]
+    pub fn host(&self, worker: &crate::WorkerId) -> Option<&str> {
+        Some(&self.workers.known.get(worker)?.host)
+    }
+
     /// The registered workers, by name.
     pub fn workers(&self) -> impl Iterator<Item = WorkerStatus> {
         self.workers.known.iter().map(|(id, worker)| WorkerStatus {

@@ -11,7 +11,7 @@ use problem::formulation::{Problem, Quantity};
 use stages::fitting::{ModelSummary, latest_model};
 use stages::names;
 use stages::rounds::Round;
-use store::Store;
+use store::{OriginRow, Store};
 
 use crate::columns::statistic;
 use crate::converged::difference_um;
@@ -40,6 +40,8 @@ pub enum Table {
     Evaluations,
     /// Everything that went wrong, in its order, with all that was said about it.
     Failures,
+    /// Which worker process computed which samples, of designs, optima and infill points.
+    Blocks,
     /// The kriging model with its inputs and their bounds, as `fit --out` writes one: one JSON object.
     Model,
 }
@@ -74,6 +76,7 @@ pub async fn write(
         Table::Infill => infill(store, problem, out).await,
         Table::Evaluations => evaluations::write(store, problem, out).await,
         Table::Failures => failures(store, out).await,
+        Table::Blocks => blocks(store, out).await,
     }
 }
 
@@ -143,6 +146,31 @@ async fn failures<W: Write + Send>(store: &Store, out: Destination<'_, W>) -> an
             row.error
         ])?;
     }
+    out.finish()
+}
+
+async fn blocks<W: Write + Send>(store: &Store, out: Destination<'_, W>) -> anyhow::Result<()> {
+    let mut out = out.table(vec![
+        Column::text("job"),
+        Column::whole("first_sample"),
+        Column::whole("samples"),
+        Column::text("worker"),
+        Column::text("host"),
+        Column::text("build"),
+    ])?;
+    store
+        .visit_blocks(|block, origin| {
+            let named = |name: fn(&OriginRow) -> &String| origin.map(name).cloned();
+            out.write(&row![
+                names::stream_name(block.stream),
+                block.first_sample,
+                block.samples.len(),
+                named(|origin| &origin.worker),
+                named(|origin| &origin.host),
+                named(|origin| &origin.build),
+            ])
+        })
+        .await?;
     out.finish()
 }
 

@@ -28,7 +28,7 @@ pub const NOT_A_STORE: u8 = 7;
 /// The store is damaged, was removed while it was in use, has several names, or was written by a newer
 /// version of the program.
 pub const UNUSABLE_STORE: u8 = 8;
-/// Another coordinator has the store open.
+/// Another coordinator has the store open, or another program has locked it.
 pub const STORE_LOCKED: u8 = 9;
 /// The listen address is in use or cannot be bound.
 pub const CANNOT_LISTEN: u8 = 10;
@@ -96,7 +96,7 @@ impl From<anyhow::Error> for ProgramError {
 }
 
 /// The exit code of an error of a library function that returns [`anyhow::Error`]. Such functions pass on
-/// errors of the store, of the campaign file in it, and of workers.
+/// errors of the store, of the campaign file in it, of workers, of the network and of files.
 fn code_within(error: &anyhow::Error) -> u8 {
     fn code<E: HasExitCode>(cause: &(dyn Error + 'static)) -> Option<u8> {
         cause.downcast_ref().map(E::exit_code)
@@ -105,6 +105,8 @@ fn code_within(error: &anyhow::Error) -> u8 {
         code::<store::Error>(cause)
             .or_else(|| code::<FileError>(cause))
             .or_else(|| code::<crate::worker::Error>(cause))
+            .or_else(|| code::<crate::gateway::Error>(cause))
+            .or_else(|| code::<std::io::Error>(cause))
     });
     code.unwrap_or(FAILURE)
 }
@@ -143,15 +145,21 @@ impl HasExitCode for store::Error {
             | Self::Linked { .. }
             | Self::MissingCommits { .. }
             | Self::OtherSchema { .. } => UNUSABLE_STORE,
-            Self::Locked { .. } => STORE_LOCKED,
+            Self::Locked { .. } | Self::Busy { .. } => STORE_LOCKED,
             Self::Io { .. } | Self::DiskFull { .. } | Self::UnreadLog { .. } => FILE_ACCESS,
             _ => FAILURE,
         }
     }
 }
 
+/// Where an error of the operating system has no other context, a file could not be read or written.
+impl HasExitCode for std::io::Error {
+    fn exit_code(&self) -> u8 {
+        FILE_ACCESS
+    }
+}
+
 // Errors without a code of their own.
-impl HasExitCode for std::io::Error {}
 impl HasExitCode for serde_json::Error {}
 impl HasExitCode for tokio::task::JoinError {}
 impl HasExitCode for results::report::Error {}
@@ -178,7 +186,10 @@ pub const TABLE: [(u8, &str); 17] = [
         UNUSABLE_STORE,
         "the store is damaged, was removed, has several names, or is of a newer version",
     ),
-    (STORE_LOCKED, "another coordinator has the store open"),
+    (
+        STORE_LOCKED,
+        "another coordinator has the store open, or another program has locked it",
+    ),
     (
         CANNOT_LISTEN,
         "the listen address is in use or cannot be bound",
@@ -224,5 +235,16 @@ mod tests {
         assert_eq!(error.code(), NO_STORE);
         assert!(format!("{error:#}").starts_with("reading the status: there is no store"));
         assert_eq!(ProgramError::from(anyhow::anyhow!("other")).code(), FAILURE);
+        let full = || std::io::Error::from(std::io::ErrorKind::StorageFull);
+        let context = Err::<(), _>(full()).context("cannot write report.html");
+        let error = ProgramError::from(context.unwrap_err());
+        assert_eq!(error.code(), FILE_ACCESS);
+        assert_eq!(ProgramError::from(full()).code(), FILE_ACCESS);
+        let away = crate::gateway::Error::Unreachable {
+            address: "head:7400".to_owned(),
+            reason: "refused".to_owned(),
+        };
+        let error = ProgramError::from(anyhow::Error::from(away).context("a worker"));
+        assert_eq!(error.code(), UNREACHABLE);
     }
 }

@@ -39,6 +39,20 @@ pub enum LocalStep {
     Choose(Approach),
 }
 
+impl LocalStep {
+    /// The step as a phrase for messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Doe => "making the DoE",
+            Self::Statistics => "computing responses",
+            Self::Fit => "fitting the kriging model",
+            Self::Enrich => "deciding the next infill points",
+            Self::Choose(_) => "choosing the optimum",
+        }
+    }
+}
+
 /// The next requests to workers, and the next local step.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Next {

@@ -34,15 +34,21 @@ pub enum Sufficiency {
     },
 }
 
-/// Whether a design has enough samples. `samples` are those from the first on, without a gap, and at least as
-/// many as the first batch has. The size of a batch depends only on the batches before it, so additional
-/// samples change nothing.
+/// Whether a design has enough samples. `samples` are those from the first on, without a gap. The size of a batch
+/// depends only on the batches before it, so additional samples change nothing.
 pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, stats::Error> {
-    let held = samples.len();
-    let mut count = (sampling.samples_per_design as usize).min(held);
+    let (held, first) = (samples.len(), sampling.samples_per_design as usize);
+    let mut count = first.min(held);
     let Some(rule) = sampling.rule() else {
         return Ok(Sufficiency::Enough(count));
     };
+    if held < first {
+        // Some were discarded.
+        return Ok(Sufficiency::Wants {
+            samples: first,
+            at_least: held,
+        });
+    }
     loop {
         let row = response(0, Samples::plain(&samples[..count]), sampling)?;
         let of_normal = match rule.variance {
@@ -220,6 +226,7 @@ mod tests {
         );
         // Never more than twice as many at a time, since the deviation is an estimate.
         let wants = |samples, at_least| Ok(Sufficiency::Wants { samples, at_least });
+        assert_eq!(sufficiency(&[], &precise), wants(10, 0));
         assert_eq!(sufficiency(&samples(10, 0.35), &precise), wants(20, 10));
         assert_eq!(sufficiency(&samples(20, 0.35), &precise), wants(30, 20));
         let enough = 30;

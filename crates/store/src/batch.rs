@@ -9,10 +9,11 @@ use crate::criteria::CriteriaRow;
 use crate::derived::Derivation;
 use crate::evaluations::EvaluationRow;
 use crate::failures::FailureRow;
+use crate::origins::OriginRow;
 use crate::receipt::Receipt;
 use crate::runs::OptimiserRunRow;
 use crate::times::JobTimeRow;
-use crate::{criteria, derived, evaluations, failures, generations, runs, samples, times};
+use crate::{criteria, derived, evaluations, failures, generations, origins, runs, samples, times};
 
 /// Rows that are stored together or not at all.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -35,10 +36,12 @@ pub struct Batch {
     /// only if that generation was the last one given to
     /// [`Store::put_generations`](crate::Store::put_generations).
     pub only_for: Option<(StreamId, u64)>,
+    /// The worker that computed these rows.
+    pub origin: Option<OriginRow>,
 }
 
 impl Batch {
-    /// Appends the rows of another batch, which must not have an `only_for` of its own.
+    /// Appends the rows of another batch, which must not have an `only_for` of its own, and must be of the same origin.
     pub fn append(&mut self, mut other: Self) {
         self.criteria.append(&mut other.criteria);
         self.samples.append(&mut other.samples);
@@ -48,6 +51,7 @@ impl Batch {
         self.derivations.append(&mut other.derivations);
         self.failures.append(&mut other.failures);
         self.only_for = self.only_for.take().or(other.only_for);
+        self.origin = self.origin.take().or(other.origin);
     }
 
     /// The number of rows of all kinds, with a row for each sample.
@@ -80,17 +84,24 @@ pub(crate) async fn insert(
         if generations::is_stale(connection, batch.only_for).await? {
             receipts[owner].is_stale = true;
         } else {
-            insert_rows(connection, batch, &mut receipts[owner]).await?;
-            current.push((owner, *batch));
+            let origin = match &batch.origin {
+                Some(origin) => Some(origins::number(connection, origin).await?),
+                None => None,
+            };
+            insert_rows(connection, batch, origin, &mut receipts[owner]).await?;
+            current.push((owner, origin, *batch));
         }
     }
     // Together: samples of neighbouring batches share a block, and each job has a time.
     let samples: Vec<_> = current
         .iter()
-        .map(|(owner, batch)| (*owner, &*batch.samples))
+        .map(|(owner, origin, batch)| (*owner, *origin, &*batch.samples))
         .collect();
     samples::insert(connection, &samples, &mut receipts).await?;
-    let times: Vec<_> = current.iter().flat_map(|(_, batch)| &batch.times).collect();
+    let times: Vec<_> = current
+        .iter()
+        .flat_map(|(_, _, batch)| &batch.times)
+        .collect();
     times::insert_jobs(connection, &times).await?;
     Ok(receipts)
 }
@@ -99,16 +110,17 @@ pub(crate) async fn insert(
 async fn insert_rows(
     connection: &mut Connection<'_>,
     batch: &Batch,
+    origin: Option<i64>,
     receipt: &mut Receipt,
 ) -> Result<(), Error> {
     for row in &batch.criteria {
-        receipt.count(criteria::insert(connection, row).await?);
+        receipt.count(criteria::insert(connection, row, origin).await?);
     }
     for row in &batch.runs {
-        receipt.count(runs::insert(connection, row).await?);
+        receipt.count(runs::insert(connection, row, origin).await?);
     }
     for row in &batch.evaluations {
-        receipt.count(evaluations::insert(connection, row).await?);
+        receipt.count(evaluations::insert(connection, row, origin).await?);
     }
     for row in &batch.derivations {
         derived::replace(connection, row).await?;

@@ -50,18 +50,31 @@ impl SampleBlock {
     }
 }
 
-impl Row for SampleBlock {
+/// A block with the number of its origin.
+#[derive(Debug, PartialEq)]
+pub(crate) struct StoredBlock {
+    pub(crate) block: SampleBlock,
+    pub(crate) origin: Option<i64>,
+}
+
+impl Row for StoredBlock {
     const TABLE: &'static str = "sample_block";
 
     fn key(&self) -> String {
-        format!("first_sample {} of {}", self.first_sample, self.stream)
+        let SampleBlock {
+            first_sample,
+            stream,
+            ..
+        } = self.block;
+        format!("first_sample {first_sample} of {stream}")
     }
 
     fn add_to(&self, columns: &mut Columns) {
         columns
-            .stream(self.stream)
-            .count("first_sample", self.first_sample)
-            .outcomes("samples", &self.samples);
+            .stream(self.block.stream)
+            .count("first_sample", self.block.first_sample)
+            .outcomes("samples", &self.block.samples)
+            .option(self.origin.map(i64::cast_unsigned), Columns::bits);
     }
 }
 

@@ -1,5 +1,7 @@
 //! What a transaction of the writer changes.
 
+use std::sync::{Arc, OnceLock};
+
 use ledger::StreamId;
 
 use crate::batch::{self, Batch};
@@ -7,6 +9,7 @@ use crate::campaign::{self, CampaignRow};
 use crate::connection::Connection;
 use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
+use crate::discard::{self, Discard, Discarded};
 use crate::models::{self, ModelRow};
 use crate::optima::{self, OptimumRow};
 use crate::receipt::Receipt;
@@ -35,6 +38,8 @@ pub(crate) enum Change {
     Generations(Vec<(StreamId, u64)>),
     /// Removes the evaluations of a run.
     NoEvaluations(StreamId),
+    /// Removes results, or only counts them, and tells how many.
+    Discard(Discard, bool, Arc<OnceLock<Discarded>>),
     /// Removes results that stand for failures whose reason begins with this text.
     NoFailures(String),
 }
@@ -131,6 +136,12 @@ async fn one(connection: &mut Connection<'_>, change: &Change) -> Result<Receipt
         Change::Generations(rows) => generations::put(connection, rows).await,
         Change::NoEvaluations(stream) => {
             evaluations::remove(connection, *stream, 0).await?;
+            Ok(Receipt::default())
+        }
+        Change::Discard(what, is_trial, told) => {
+            let removed = discard::discard(connection, what, *is_trial).await?;
+            // A change is made once.
+            let _ = told.set(removed);
             Ok(Receipt::default())
         }
         Change::NoFailures(reason) => derived::remove_failures(connection, reason).await,

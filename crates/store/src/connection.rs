@@ -1,7 +1,9 @@
 //! A connection that knows the path of its file.
 
 use std::path::Path;
+use std::pin::pin;
 use std::sync::Arc;
+use std::time::Duration;
 
 use sqlx::pool::PoolConnection;
 use sqlx::query::{Map, Query};
@@ -16,6 +18,7 @@ use tokio::sync::{Mutex, OwnedMutexGuard};
 use tokio_stream::{Stream, StreamExt as _};
 
 use crate::Error;
+use crate::error::BUSY_TIMEOUT;
 use crate::row::{self, Row};
 
 /// The most rows of one statement, whose parameters SQLite limits to 32 766.
@@ -38,6 +41,23 @@ enum Handle<'c> {
     Pooled(PoolConnection<Sqlite>),
     Shared(OwnedMutexGuard<Transaction<'static, Sqlite>>),
     Within(Transaction<'c, Sqlite>),
+}
+
+/// Time after which a wait for a lock is worth a message.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Awaits a statement that does nothing but wait for a lock of another program, and says so when it takes long.
+pub(crate) async fn waiting<T>(path: &Path, statement: impl Future<Output = T>) -> T {
+    let mut statement = pin!(statement);
+    if let Ok(done) = tokio::time::timeout(PATIENCE, &mut statement).await {
+        return done;
+    }
+    tracing::warn!(
+        store = %path.display(),
+        "waiting up to {} s for another program that has locked the store, such as an SQLite shell or a database browser",
+        BUSY_TIMEOUT.as_secs()
+    );
+    statement.await
 }
 
 /// The connections that a store reads with.
@@ -89,7 +109,7 @@ impl Connection<'static> {
         options: &SqliteConnectOptions,
         path: &Arc<Path>,
     ) -> Result<Self, Error> {
-        let opened = SqliteConnection::connect_with(options).await;
+        let opened = waiting(path, SqliteConnection::connect_with(options)).await;
         Ok(Self {
             sql: Handle::Own(opened.map_err(|e| Error::sqlite(path, e))?),
             path: Arc::clone(path),
@@ -140,7 +160,7 @@ impl Connection<'_> {
     /// Begins a transaction, which is rolled back when it is dropped.
     pub(crate) async fn begin(&mut self, statement: &'static str) -> Result<Connection<'_>, Error> {
         let path = Arc::clone(&self.path);
-        let begun = self.sql().begin_with(statement).await;
+        let begun = waiting(&path, self.sql().begin_with(statement)).await;
         Ok(Connection {
             sql: Handle::Within(begun.map_err(|e| Error::sqlite(&path, e))?),
             path,

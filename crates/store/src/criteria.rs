@@ -72,18 +72,20 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<CriteriaR
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     row: &CriteriaRow,
+    origin: Option<i64>,
 ) -> Result<bool, Error> {
     let seal = row::seal(row)?;
     let design = row.design.cast_signed();
     let responses = row.responses.as_deref().map(bytes);
     let query = sqlx::query!(
-        "INSERT INTO criteria (design, simulable, reason, responses, seal) VALUES (?, ?, ?, ?, ?)
-         ON CONFLICT DO NOTHING",
+        "INSERT INTO criteria (design, simulable, reason, responses, seal, origin)
+         VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
         design,
         row.simulable,
         row.reason,
         responses,
         seal,
+        origin,
     );
     if connection.execute(query).await? > 0 {
         return Ok(true);
@@ -105,6 +107,24 @@ pub(crate) async fn digest(connection: &mut Connection<'_>) -> Result<String, Er
 pub(crate) async fn remove(connection: &mut Connection<'_>) -> Result<(), Error> {
     let query = sqlx::query!("DELETE FROM criteria");
     connection.execute(query).await.map(drop)
+}
+
+/// Removes the criteria of a design, and returns their number.
+pub(crate) async fn remove_of_design(
+    connection: &mut Connection<'_>,
+    design: u32,
+) -> Result<u64, Error> {
+    let query = sqlx::query!("DELETE FROM criteria WHERE design = ?", design);
+    connection.execute(query).await
+}
+
+/// Removes the criteria of this origin, and returns their number.
+pub(crate) async fn remove_from(
+    connection: &mut Connection<'_>,
+    origin: i64,
+) -> Result<u64, Error> {
+    let query = sqlx::query!("DELETE FROM criteria WHERE origin = ?", origin);
+    connection.execute(query).await
 }
 
 /// Removes the criteria whose reason begins with `reason`, and returns their number.

@@ -123,7 +123,7 @@ pub(crate) async fn replace(
     connection.execute(query).await.map(drop)
 }
 
-async fn remove_named(
+pub(crate) async fn remove_named(
     connection: &mut Connection<'_>,
     result: &DerivedResult,
 ) -> Result<u64, Error> {

@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// An error of the store.
 ///
@@ -113,6 +114,17 @@ pub enum Error {
     #[error("the store {} is in use by another coordinator: stop that one first", path.display())]
     Locked {
         /// The store, not its lock file.
+        path: PathBuf,
+    },
+    /// Another program, which is no coordinator, holds a lock on the store's file.
+    #[error(
+        "the store {} has been locked by another program for {} s: close that program or end its \
+         transaction; an SQLite shell or a database browser may hold one",
+        path.display(),
+        BUSY_TIMEOUT.as_secs()
+    )]
+    Busy {
+        /// The store.
         path: PathBuf,
     },
     /// The store's file has several names (hard links).
@@ -262,10 +274,16 @@ pub enum Error {
     },
 }
 
+/// Time that a statement waits for a lock. Coordinators exclude each other before, so that only other programs hold one
+/// for long.
+pub(crate) const BUSY_TIMEOUT: Duration = Duration::from_secs(120);
+
 /// Characters of a value in a message.
 const LONGEST_VALUE: usize = 1000;
 
 // Primary result codes, https://www.sqlite.org/rescode.html
+const SQLITE_ERROR: i32 = 1;
+const SQLITE_BUSY: i32 = 5;
 const SQLITE_READONLY: i32 = 8;
 const SQLITE_CORRUPT: i32 = 11;
 const SQLITE_FULL: i32 = 13;
@@ -342,13 +360,14 @@ impl Error {
         let path = path.to_owned();
         match (&source, primary_code(&source)) {
             (sqlx::Error::PoolClosed, _) => Self::Closed,
-            // A value that its column cannot have, such as a negative count, cannot be decoded.
-            (sqlx::Error::ColumnDecode { .. }, _) | (_, Some(SQLITE_CORRUPT | SQLITE_NOTADB)) => {
-                Self::Damaged {
-                    path,
-                    detail: source.to_string(),
-                }
-            }
+            // A value that its column cannot have, such as a negative count, cannot be decoded. The statements fit the
+            // schema, so that one that SQLite does not understand means that a table or a column is missing.
+            (sqlx::Error::ColumnDecode { .. } | sqlx::Error::RowNotFound, _)
+            | (_, Some(SQLITE_ERROR | SQLITE_CORRUPT | SQLITE_NOTADB)) => Self::Damaged {
+                path,
+                detail: source.to_string(),
+            },
+            (_, Some(SQLITE_BUSY)) => Self::Busy { path },
             (_, Some(SQLITE_FULL)) => Self::DiskFull {
                 source: Arc::new(source),
             },

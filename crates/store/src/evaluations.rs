@@ -122,6 +122,7 @@ async fn range(
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     row: &EvaluationRow,
+    origin: Option<i64>,
 ) -> Result<bool, Error> {
     let seal = row::seal(row)?;
     let (stream, evaluation) = (key(row.stream), row.evaluation.cast_signed());
@@ -130,8 +131,8 @@ pub(crate) async fn insert(
         [&row.criteria, &row.worn_criteria, &row.samples].map(|list| list.as_deref().map(bytes));
     let query = sqlx::query!(
         "INSERT INTO evaluation
-             (stream, evaluation, x, refused, value, criteria, worn_criteria, samples, seal)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+             (stream, evaluation, x, refused, value, criteria, worn_criteria, samples, seal, origin)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
         stream,
         evaluation,
         x,
@@ -141,6 +142,7 @@ pub(crate) async fn insert(
         worn_criteria,
         samples,
         seal,
+        origin,
     );
     if connection.execute(query).await? > 0 {
         return Ok(true);
@@ -177,6 +179,23 @@ pub(crate) async fn first_failures(
         }
     }
     Ok(failures)
+}
+
+/// The first evaluation of each stream that is of this origin.
+pub(crate) async fn first_from(
+    connection: &mut Connection<'_>,
+    origin: i64,
+) -> Result<BTreeMap<StreamId, u64>, Error> {
+    let query = sqlx::query!(
+        r#"SELECT stream AS "stream!: StreamKey", min(evaluation) AS "first!: u64"
+           FROM evaluation WHERE origin = ? GROUP BY stream"#,
+        origin
+    );
+    let rows = connection.all(query).await?;
+    Ok(rows
+        .into_iter()
+        .map(|row| (row.stream.0, row.first))
+        .collect())
 }
 
 /// The number and the digest of the evaluations of each stream that has any.

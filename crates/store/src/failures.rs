@@ -7,6 +7,7 @@ use ledger::{Death, History, StreamId};
 use crate::Error;
 use crate::cause::{cause, first_line};
 use crate::connection::Connection;
+use crate::row::{self, Columns, Row};
 use crate::values::{StreamKey, key};
 
 /// The kinds of event recorded against a job.
@@ -57,6 +58,59 @@ pub struct FailureRow {
     pub at_unix_ms: Option<i64>,
 }
 
+/// A failure with its place in the order of the reports, which decides whether it came after a quarantine.
+struct Numbered {
+    failure: i64,
+    row: FailureRow,
+}
+
+impl Row for Numbered {
+    const TABLE: &'static str = "failure";
+
+    fn key(&self) -> String {
+        format!("failure {}", self.failure)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        let row = &self.row;
+        columns
+            .bits(self.failure.cast_unsigned())
+            .stream(row.stream)
+            .option(row.sample, |columns, sample| columns.bits(sample.into()))
+            .bits(row.shared.into())
+            .bits(row.lease.into())
+            .text(&row.worker)
+            .option(row.serial, Columns::bits)
+            .text(row.kind.as_str())
+            .text(&row.error)
+            .option(row.at_unix_ms.map(i64::cast_unsigned), Columns::bits);
+    }
+}
+
+/// The failures of one kind with one cause.
+struct Tally<'a> {
+    kind: FailureKind,
+    cause: &'a str,
+    failures: u64,
+    last_failure: i64,
+}
+
+impl Row for Tally<'_> {
+    const TABLE: &'static str = "failure_tally";
+
+    fn key(&self) -> String {
+        format!("kind {}, cause {:?}", self.kind.as_str(), self.cause)
+    }
+
+    fn add_to(&self, columns: &mut Columns) {
+        columns
+            .text(self.kind.as_str())
+            .text(self.cause)
+            .count("failures", self.failures)
+            .bits(self.last_failure.cast_unsigned());
+    }
+}
+
 /// Failures of one kind with one cause.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FailureGroup {
@@ -80,12 +134,17 @@ pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     row: &FailureRow,
 ) -> Result<bool, Error> {
+    let last = sqlx::query!(r#"SELECT coalesce(max(failure), 0) AS "failure!: i64" FROM failure"#);
+    let failure = connection.one(last).await?.failure + 1;
+    let row = row.clone();
+    let numbered = Numbered { failure, row };
+    let (row, seal) = (&numbered.row, row::seal(&numbered)?);
     let (stream, serial) = (key(row.stream), row.serial.map(u64::cast_signed));
     let query = sqlx::query!(
-        "INSERT INTO failure (stream, sample, shared, lease, worker, serial, kind, error, at_unix_ms)
-         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
-         ON CONFLICT (worker, serial) WHERE serial IS NOT NULL DO NOTHING
-         RETURNING failure",
+        "INSERT INTO failure (failure, stream, sample, shared, lease, worker, serial, kind, error, at_unix_ms, seal)
+         VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+         ON CONFLICT (worker, serial) WHERE serial IS NOT NULL DO NOTHING",
+        failure,
         stream,
         row.sample,
         row.shared,
@@ -95,43 +154,79 @@ pub(crate) async fn insert(
         row.kind,
         row.error,
         row.at_unix_ms,
+        seal,
     );
-    let Some(stored) = connection.optional(query).await? else {
+    if connection.execute(query).await? == 0 {
         return Ok(false);
-    };
-    let cause = cause(&row.error);
-    let query = sqlx::query!(
-        "INSERT INTO failure_tally (kind, cause, failures, last_failure) VALUES (?, ?, 1, ?)
-         ON CONFLICT DO UPDATE SET
-             failures = failures + 1,
-             last_failure = excluded.last_failure",
-        row.kind,
-        cause,
-        stored.failure,
-    );
-    connection.execute(query).await?;
+    }
+    count(connection, &numbered).await?;
     Ok(true)
+}
+
+/// Counts a failure in the tally of its kind and cause.
+async fn count(connection: &mut Connection<'_>, new: &Numbered) -> Result<(), Error> {
+    let (kind, cause) = (new.row.kind, cause(&new.row.error));
+    let query = sqlx::query!(
+        r#"SELECT failures AS "failures: u64", last_failure, seal
+           FROM failure_tally WHERE kind = ? AND cause = ?"#,
+        kind,
+        cause,
+    );
+    let counted = match connection.optional(query).await? {
+        None => 0,
+        Some(row) => {
+            let tally = Tally {
+                kind,
+                cause: &cause,
+                failures: row.failures,
+                last_failure: row.last_failure,
+            };
+            connection.check(tally, row.seal)?.failures
+        }
+    };
+    let tally = Tally {
+        kind,
+        cause: &cause,
+        failures: counted + 1,
+        last_failure: new.failure,
+    };
+    let (seal, failures) = (row::seal(&tally)?, tally.failures.cast_signed());
+    let query = sqlx::query!(
+        "INSERT OR REPLACE INTO failure_tally (kind, cause, failures, last_failure, seal)
+         VALUES (?, ?, ?, ?, ?)",
+        kind,
+        cause,
+        failures,
+        tally.last_failure,
+        seal,
+    );
+    connection.execute(query).await.map(drop)
 }
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
     let query = sqlx::query!(
-        r#"SELECT stream AS "stream: StreamKey", sample AS "sample: u32", shared AS "shared: bool", lease AS "lease: u32",
-                  worker, serial, kind AS "kind: FailureKind", error, at_unix_ms
+        r#"SELECT failure, stream AS "stream: StreamKey", sample AS "sample: u32", shared AS "shared: bool",
+                  lease AS "lease: u32", worker, serial, kind AS "kind: FailureKind", error, at_unix_ms, seal
            FROM failure ORDER BY failure"#
     );
     let rows = connection.all(query).await?;
-    let failures = rows.into_iter().map(|row| FailureRow {
-        stream: row.stream.0,
-        sample: row.sample,
-        shared: row.shared,
-        lease: row.lease,
-        worker: row.worker,
-        serial: row.serial.map(i64::cast_unsigned),
-        kind: row.kind,
-        error: row.error,
-        at_unix_ms: row.at_unix_ms,
+    let failures = rows.into_iter().map(|stored| {
+        let row = FailureRow {
+            stream: stored.stream.0,
+            sample: stored.sample,
+            shared: stored.shared,
+            lease: stored.lease,
+            worker: stored.worker,
+            serial: stored.serial.map(i64::cast_unsigned),
+            kind: stored.kind,
+            error: stored.error,
+            at_unix_ms: stored.at_unix_ms,
+        };
+        let failure = stored.failure;
+        let numbered = Numbered { failure, row };
+        Ok(connection.check(numbered, stored.seal)?.row)
     });
-    Ok(failures.collect())
+    failures.collect()
 }
 
 /// Whether the failure with this number of its worker is stored.
@@ -175,18 +270,28 @@ pub(crate) async fn histories(
 pub(crate) async fn groups(connection: &mut Connection<'_>) -> Result<Vec<FailureGroup>, Error> {
     let query = sqlx::query!(
         r#"SELECT failure_tally.kind AS "kind: FailureKind", cause, failures AS "failures: u64",
+                  last_failure, failure_tally.seal AS "seal!: i64",
                   stream AS "stream: StreamKey", worker, error
            FROM failure_tally JOIN failure ON failure = last_failure
            ORDER BY failure_tally.kind, cause"#
     );
     let rows = connection.all(query).await?;
-    let groups = rows.into_iter().map(|row| FailureGroup {
-        kind: row.kind,
-        cause: row.cause,
-        count: row.failures,
-        last_error: first_line(&row.error).to_owned(),
-        last_stream: row.stream.0,
-        last_worker: row.worker,
+    let groups = rows.into_iter().map(|row| {
+        let tally = Tally {
+            kind: row.kind,
+            cause: &row.cause,
+            failures: row.failures,
+            last_failure: row.last_failure,
+        };
+        let count = connection.check(tally, row.seal)?.failures;
+        Ok(FailureGroup {
+            kind: row.kind,
+            cause: row.cause,
+            count,
+            last_error: first_line(&row.error).to_owned(),
+            last_stream: row.stream.0,
+            last_worker: row.worker,
+        })
     });
-    Ok(groups.collect())
+    groups.collect()
 }

@@ -10,20 +10,26 @@ const NETWORK: &[&str] = &[
     "beegfs",
     "ceph",
     "cifs",
+    "dvs",
     "fuse.ceph",
+    "fuse.dfuse",
     "fuse.glusterfs",
     "fuse.s3fs",
     "fuse.sshfs",
+    "gfs2",
     "glusterfs",
     "gpfs",
     "lustre",
     "ncpfs",
     "nfs",
     "nfs4",
+    "ocfs2",
     "orangefs",
+    "panfs",
     "smb2",
     "smb3",
     "smbfs",
+    "wekafs",
 ];
 
 /// The type of the network file system that holds `path`, or `None` if the file system is local.
@@ -84,5 +90,15 @@ mod tests {
         assert_eq!(kind("/homework/store.db"), None);
         assert_eq!(kind("/home/me/fast disk/store.db"), None);
         assert_eq!(kind("/scratch/store.db"), None);
+    }
+
+    #[test]
+    fn file_systems_of_clusters_are_known() {
+        for kind in ["dvs", "fuse.dfuse", "gfs2", "ocfs2", "panfs", "wekafs"] {
+            let mounts = MOUNTS.replace("xfs", kind);
+            let path = Path::new("/home/me/fast disk/store.db");
+            assert_eq!(network_file_system(path, &mounts), Some(kind));
+        }
+        assert!(NETWORK.is_sorted());
     }
 }

@@ -16,8 +16,8 @@ use crate::blocks::Streams;
 use crate::connection::Connection;
 use crate::samples;
 use crate::{
-    campaign, criteria, derived, designs, evaluations, infill, models, optima, responses, rounds,
-    runs,
+    campaign, criteria, derived, designs, evaluations, failures, infill, models, optima, origins,
+    responses, rounds, runs,
 };
 
 /// The path and options for reading a store's file.
@@ -124,8 +124,9 @@ pub(crate) async fn check(connection: &mut Connection<'_>) -> Result<(), Error> 
     check_rows(connection).await
 }
 
+/// Checks pages, constraints, and that indexes agree with their tables.
 pub(crate) async fn check_pages(connection: &mut Connection<'_>) -> Result<(), Error> {
-    let findings: Vec<String> = connection.pragma("PRAGMA quick_check(1)").await?;
+    let findings: Vec<String> = connection.pragma("PRAGMA integrity_check(1)").await?;
     if findings != ["ok"] {
         return Err(connection.damaged(findings.join("; ")));
     }
@@ -147,5 +148,8 @@ async fn check_rows(connection: &mut Connection<'_>) -> Result<(), Error> {
     rounds::all(connection).await?;
     infill::all(connection).await?;
     derived::all(connection).await?;
+    origins::all(connection).await?;
+    failures::all(connection).await?;
+    failures::groups(connection).await?;
     Ok(())
 }

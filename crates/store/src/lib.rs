@@ -26,6 +26,7 @@
 //! | damage | found by |
 //! |---|---|
 //! | a page that was overwritten, cut off or is of another file | SQLite's check of the pages |
+//! | an index that differs from its table | SQLite's check of the indexes |
 //! | a value that changed in a row or in a block of samples | the digest of the row |
 //! | a block of samples that is missing or was added | the counts in the tally of its stream |
 //! | commits that are missing because the log was cut or an older copy was put back | the number of commits in the lock file |
@@ -64,6 +65,7 @@ mod criteria;
 mod derived;
 mod designs;
 mod digest;
+mod discard;
 mod error;
 mod evaluations;
 mod fail_point;
@@ -78,6 +80,8 @@ mod missing;
 mod models;
 mod open;
 mod optima;
+mod origins;
+mod own_file;
 mod paths;
 mod progress;
 mod receipt;
@@ -99,6 +103,7 @@ pub use campaign::CampaignRow;
 pub use criteria::CriteriaRow;
 pub use derived::{Derivation, DerivedResult};
 pub use designs::DesignRow;
+pub use discard::{Discard, Discarded};
 pub use error::Error;
 pub use evaluations::EvaluationRow;
 pub use fail_point::FailPoint;
@@ -108,6 +113,8 @@ pub use infill::InfillRow;
 pub use missing::MissingWork;
 pub use models::ModelRow;
 pub use optima::OptimumRow;
+pub use origins::OriginRow;
+pub use own_file::open_own_file;
 pub use progress::Progress;
 pub use receipt::Receipt;
 pub use responses::ResponseRow;

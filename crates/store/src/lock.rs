@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use crate::Error;
 use crate::identity;
+use crate::own_file::open_own_file;
 use crate::paths::beside;
 
 /// An exclusive lock on a store, held while this value lives.
@@ -29,13 +30,9 @@ impl Lock {
     /// different files of the same name.
     pub(crate) fn take(store: &Path) -> Result<Self, Error> {
         let path = beside(store, ".lock");
-        let file = File::options()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(&path)
+        let file = open_own_file(&path, Some(store))
             .map_err(|e| Error::io("open the lock file", &path, e))?;
+        restrict(&file);
         match file.try_lock() {
             Ok(()) => Ok(Self {
                 store: store.to_owned(),
@@ -87,4 +84,16 @@ impl Lock {
         }
         Ok(())
     }
+}
+
+/// Takes the permissions of other users away: who can open the file can lock it.
+fn restrict(file: &File) {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        // A file system without permissions refuses this, and has no users to exclude.
+        let _ = file.set_permissions(std::fs::Permissions::from_mode(0o600));
+    }
+    #[cfg(not(unix))]
+    let _ = file;
 }

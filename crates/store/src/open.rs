@@ -7,13 +7,13 @@
 use std::fs::{self, File};
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 use sqlx::ConnectOptions as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 
 use crate::campaign::{self, CampaignRow};
-use crate::connection::{Connection, Readers};
+use crate::connection::{Connection, Readers, waiting};
+use crate::error::BUSY_TIMEOUT;
 use crate::identity::{self, FileIdentity};
 use crate::integrity::{self, Integrity, ReadOptions};
 use crate::lock::Lock;
@@ -21,8 +21,12 @@ use crate::paths::{beside, exists, resolve};
 use crate::store::Store;
 use crate::{Error, commits, schema, writer};
 
-/// Size of a file that is checked before it is opened, which takes about a tenth of a second.
-const CHECK_AT_ONCE: u64 = 4 << 20;
+/// Size of a file that is checked before it is opened for reading, which takes about a tenth of a second.
+const CHECK_BEFORE_READING: u64 = 4 << 20;
+
+/// Size of a file that is checked before it is opened for writing. SQLite's check takes 2 ms per MiB, the comparison of
+/// the rows with their digests ten times as long.
+const CHECK_BEFORE_WRITING: u64 = 64 << 20;
 
 /// Locks the file for writing and writes nothing.
 const TRY_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLLBACK";
@@ -30,9 +34,6 @@ const TRY_TO_WRITE: &str = "BEGIN IMMEDIATE; UPDATE campaign SET one = one; ROLL
 /// Number of reading connections: for a status page, an export and a report at once, and a spare
 /// one.
 const READERS: u32 = 4;
-
-/// Time that a statement waits for a lock. Only foreign tools can hold one for long.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Number of rows that a reader fetches at a time. A round trip to SQLite's thread costs more than
 /// a row, and a row of samples has up to 32 KiB.
@@ -73,7 +74,7 @@ impl Store {
         campaign: &CampaignRow,
         may_extend: impl Fn(&CampaignRow) -> Result<(), Vec<String>>,
     ) -> Result<Self, Error> {
-        Self::create_or_open_checking(path, campaign, may_extend, CHECK_AT_ONCE).await
+        Self::create_or_open_checking(path, campaign, may_extend, CHECK_BEFORE_WRITING).await
     }
 
     /// Like [`Self::create_or_open_with`]; files of up to `check_at_once` bytes are checked first.
@@ -123,7 +124,7 @@ impl Store {
         let connection = if at_once {
             let mut connection = Connection::open(&options, &path).await?;
             // SQLite opens a file that is not writable and reports that only when a row is written.
-            connection.run(TRY_TO_WRITE).await?;
+            waiting(&path, connection.run(TRY_TO_WRITE)).await?;
             Some(connection)
         } else {
             None
@@ -181,7 +182,7 @@ impl Store {
             }
             inspected => inspected?,
         };
-        let integrity = if size(&path)? <= CHECK_AT_ONCE {
+        let integrity = if size(&path)? <= CHECK_BEFORE_READING {
             integrity::check(&mut connection).await?;
             Integrity::sound()
         } else {

@@ -71,17 +71,19 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<Optimiser
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     row: &OptimiserRunRow,
+    origin: Option<i64>,
 ) -> Result<bool, Error> {
     let seal = row::seal(row)?;
     let (stream, calls) = (key(row.stream), row.simulator_calls.cast_signed());
     let query = sqlx::query!(
-        "INSERT INTO optimiser_run (stream, result_json, simulator_calls, cpu_seconds, seal)
-         VALUES (?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
+        "INSERT INTO optimiser_run (stream, result_json, simulator_calls, cpu_seconds, seal, origin)
+         VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
         stream,
         row.result_json,
         calls,
         row.cpu_seconds,
         seal,
+        origin,
     );
     if connection.execute(query).await? > 0 {
         return Ok(true);

@@ -8,7 +8,7 @@ use ledger::{Kind, StreamId};
 use tokio_stream::StreamExt as _;
 
 use crate::Error;
-use crate::blocks::{SampleBlock, Streams};
+use crate::blocks::{SampleBlock, StoredBlock, Streams};
 use crate::connection::Connection;
 use crate::designs;
 use crate::receipt::Receipt;
@@ -25,23 +25,25 @@ const LONGEST: usize = 4096;
 struct Offer {
     /// The index of the batch's receipt.
     owner: usize,
+    origin: Option<i64>,
     stream: StreamId,
     sample: u64,
     value: f64,
 }
 
-/// Stores the new samples of batches, each given with the index of its receipt, and updates the tallies.
+/// Stores the new samples of batches, each given with the index of its receipt and its origin, and updates the tallies.
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
-    batches: &[(usize, &[SampleBlock])],
+    batches: &[(usize, Option<i64>, &[SampleBlock])],
     receipts: &mut [Receipt],
 ) -> Result<(), Error> {
     let mut offers: Vec<Offer> = Vec::new();
-    for (owner, blocks) in batches {
+    for (owner, origin, blocks) in batches {
         for block in *blocks {
             block.refuse_unstorable()?;
             offers.extend(block.indexed().map(|(sample, value)| Offer {
                 owner: *owner,
+                origin: *origin,
                 stream: block.stream,
                 sample,
                 value: number(value),
@@ -98,7 +100,7 @@ fn fresh(
     stored: &[SampleBlock],
     offers: &[Offer],
     receipts: &mut [Receipt],
-) -> Result<Vec<SampleBlock>, Error> {
+) -> Result<Vec<StoredBlock>, Error> {
     let mut stored = stored.iter().flat_map(SampleBlock::indexed).peekable();
     let mut fresh = Vec::new();
     let mut last = None;
@@ -115,10 +117,15 @@ fn fresh(
             Some((_, value)) => {
                 let row = format!("sample {} of {}", offer.sample, offer.stream);
                 let values: [&dyn Debug; 2] = [value, &offer.value];
-                return Err(Error::conflict(SampleBlock::TABLE, row, values));
+                return Err(Error::conflict(StoredBlock::TABLE, row, values));
             }
             None => {
-                append(&mut fresh, offer.stream, offer.sample, offer.value);
+                append(
+                    &mut fresh,
+                    offer.stream,
+                    offer.origin,
+                    (offer.sample, offer.value),
+                );
                 last = Some((offer.sample, offer.value));
                 receipts[offer.owner].count(true);
             }
@@ -128,15 +135,26 @@ fn fresh(
 }
 
 /// Appends a sample to the last block, or begins a new one. Samples arrive in order.
-fn append(blocks: &mut Vec<SampleBlock>, stream: StreamId, sample: u64, value: f64) {
+fn append(
+    blocks: &mut Vec<StoredBlock>,
+    stream: StreamId,
+    origin: Option<i64>,
+    (sample, value): (u64, f64),
+) {
     match blocks.last_mut() {
-        Some(block) if block.end() == sample && block.samples.len() < LONGEST => {
+        Some(StoredBlock {
+            block,
+            origin: same,
+        }) if *same == origin && block.end() == sample && block.samples.len() < LONGEST => {
             block.samples.push(value);
         }
-        _ => blocks.push(SampleBlock {
-            stream,
-            first_sample: sample,
-            samples: vec![value],
+        _ => blocks.push(StoredBlock {
+            block: SampleBlock {
+                stream,
+                first_sample: sample,
+                samples: vec![value],
+            },
+            origin,
         }),
     }
 }
@@ -144,17 +162,17 @@ fn append(blocks: &mut Vec<SampleBlock>, stream: StreamId, sample: u64, value: f
 /// New blocks, and the tallies with them.
 #[derive(Default)]
 struct Additions {
-    blocks: Vec<SampleBlock>,
+    blocks: Vec<StoredBlock>,
     tallies: Vec<TallyRow>,
 }
 
 impl Additions {
     /// Adds blocks of a stream, whose tally before is given.
-    fn add(&mut self, stream: StreamId, mut tally: SampleTally, mut blocks: Vec<SampleBlock>) {
+    fn add(&mut self, stream: StreamId, mut tally: SampleTally, mut blocks: Vec<StoredBlock>) {
         if blocks.is_empty() {
             return;
         }
-        blocks.iter().for_each(|block| tally.add(block));
+        blocks.iter().for_each(|stored| tally.add(&stored.block));
         self.blocks.append(&mut blocks);
         self.tallies.push(TallyRow { stream, tally });
     }
@@ -167,22 +185,24 @@ impl Additions {
 
 async fn insert_blocks(
     connection: &mut Connection<'_>,
-    blocks: &[SampleBlock],
+    blocks: &[StoredBlock],
 ) -> Result<(), Error> {
     let seals = blocks.iter().map(row::seal);
     let seals = seals.collect::<Result<Vec<i64>, Error>>()?;
     let rows: Vec<_> = blocks.iter().zip(seals).collect();
     let statement = [
-        "INSERT INTO sample_block (stream, first_sample, samples, seal) ",
+        "INSERT INTO sample_block (stream, first_sample, samples, seal, origin) ",
         "",
     ];
     connection
-        .insert_many(statement, &rows, |values, (block, seal)| {
+        .insert_many(statement, &rows, |values, (stored, seal)| {
+            let block = &stored.block;
             values
                 .push_bind(key(block.stream))
                 .push_bind(block.first_sample.cast_signed())
                 .push_bind(bytes(&block.samples))
-                .push_bind(*seal);
+                .push_bind(*seal)
+                .push_bind(stored.origin);
         })
         .await
 }
@@ -198,7 +218,7 @@ async fn between(
     let (first, last) = (first.cast_signed(), last.cast_signed());
     // The first block that may overlap is the last one that begins at or before the first sample.
     let query = sqlx::query!(
-        r#"SELECT first_sample AS "first_sample!: u64", samples AS "samples: Numbers", seal
+        r#"SELECT first_sample AS "first_sample!: u64", samples AS "samples: Numbers", seal, origin
            FROM sample_block
            WHERE stream = ?1 AND first_sample <= ?3 AND first_sample >= coalesce(
                  (SELECT max(first_sample) FROM sample_block
@@ -216,7 +236,10 @@ async fn between(
                 first_sample: row.first_sample,
                 samples: row.samples.0,
             };
-            connection.check(block, row.seal)
+            let origin = row.origin;
+            Ok(connection
+                .check(StoredBlock { block, origin }, row.seal)?
+                .block)
         })
         .collect()
 }
@@ -228,6 +251,15 @@ pub(crate) async fn visit<E: From<Error>>(
     streams: Streams,
     mut visit: impl FnMut(&SampleBlock) -> Result<(), E>,
 ) -> Result<(), E> {
+    visit_stored(connection, streams, |stored| visit(&stored.block)).await
+}
+
+/// Like [`visit`], with the origins of the blocks.
+pub(crate) async fn visit_stored<E: From<Error>>(
+    connection: &mut Connection<'_>,
+    streams: Streams,
+    mut visit: impl FnMut(&StoredBlock) -> Result<(), E>,
+) -> Result<(), E> {
     let mut moment = connection.moment().await?;
     let path = moment.shared_path();
     let tallies = tally::all(&mut moment, streams).await?;
@@ -235,7 +267,7 @@ pub(crate) async fn visit<E: From<Error>>(
     let (first, last) = streams.keys();
     let query = sqlx::query!(
         r#"SELECT stream AS "stream: StreamKey", first_sample AS "first_sample: u64",
-                  samples AS "samples: Numbers", seal
+                  samples AS "samples: Numbers", seal, origin
            FROM sample_block WHERE stream BETWEEN ? AND ? ORDER BY stream, first_sample"#,
         first,
         last,
@@ -248,9 +280,11 @@ pub(crate) async fn visit<E: From<Error>>(
             first_sample: row.first_sample,
             samples: row.samples.0,
         };
-        let block = row::check(block, row.seal, &path)?;
-        counted.entry(block.stream).or_default().count(&block);
-        visit(&block)?;
+        let origin = row.origin;
+        let stored = row::check(StoredBlock { block, origin }, row.seal, &path)?;
+        let of = counted.entry(stored.block.stream).or_default();
+        of.count(&stored.block);
+        visit(&stored)?;
     }
     drop(rows);
     tally::compare(&moment, &tallies, &counted)?;
@@ -286,21 +320,53 @@ pub(crate) async fn remove(connection: &mut Connection<'_>, streams: Streams) ->
 /// Removes the samples that failed, and returns their number.
 pub(crate) async fn remove_failed(connection: &mut Connection<'_>) -> Result<u64, Error> {
     let mut removed = 0;
-    let mut additions = Additions::default();
     for (stream, tally) in tally::all(connection, Streams::All).await? {
-        if tally.failed == 0 {
-            continue;
+        if tally.failed > 0 {
+            let is_kept = |_: Option<i64>, value: f64| value.is_finite();
+            removed += retain(connection, stream, is_kept).await?;
         }
-        removed += tally.failed;
-        let mut kept = Vec::new();
-        for (sample, value) in of(connection, stream).await? {
-            if value.is_finite() {
-                append(&mut kept, stream, sample, value);
+    }
+    Ok(removed)
+}
+
+/// Removes the samples of this origin, and returns their number.
+pub(crate) async fn remove_from(
+    connection: &mut Connection<'_>,
+    origin: i64,
+) -> Result<u64, Error> {
+    let query = sqlx::query!(
+        r#"SELECT DISTINCT stream AS "stream: StreamKey" FROM sample_block WHERE origin = ?"#,
+        origin
+    );
+    let mut removed = 0;
+    for row in connection.all(query).await? {
+        let is_kept = |of, _| of != Some(origin);
+        removed += retain(connection, row.stream.0, is_kept).await?;
+    }
+    Ok(removed)
+}
+
+/// Removes the samples of a stream that `is_kept` refuses, given the origin and the value, and returns their number.
+async fn retain(
+    connection: &mut Connection<'_>,
+    stream: StreamId,
+    is_kept: impl Fn(Option<i64>, f64) -> bool,
+) -> Result<u64, Error> {
+    let (mut kept, mut removed) = (Vec::new(), 0);
+    visit_stored(connection, Streams::One(stream), |stored| {
+        for (sample, value) in stored.block.indexed() {
+            if is_kept(stored.origin, value) {
+                append(&mut kept, stream, stored.origin, (sample, value));
+            } else {
+                removed += 1;
             }
         }
-        remove(connection, Streams::One(stream)).await?;
-        additions.add(stream, SampleTally::default(), kept);
-    }
+        Ok::<(), Error>(())
+    })
+    .await?;
+    remove(connection, Streams::One(stream)).await?;
+    let mut additions = Additions::default();
+    additions.add(stream, SampleTally::default(), kept);
     additions.write(connection).await?;
     Ok(removed)
 }
@@ -319,6 +385,14 @@ mod tests {
         }
     }
 
+    fn stored(first_sample: u64, samples: &[f64]) -> StoredBlock {
+        let block = block(first_sample, samples);
+        StoredBlock {
+            block,
+            origin: None,
+        }
+    }
+
     /// The digest fits, so the block was written by a fault of this program or by another program
     /// that computes it.
     #[tokio::test]
@@ -329,7 +403,7 @@ mod tests {
         let options = crate::open::writing(&path);
         let path = path.as_path().into();
         let mut connection = Connection::open(&options, &path).await.unwrap();
-        insert_blocks(&mut connection, &[block(9, &[1.0, 1.0])])
+        insert_blocks(&mut connection, &[stored(9, &[1.0, 1.0])])
             .await
             .unwrap();
         connection.close().await.unwrap();
@@ -343,16 +417,17 @@ mod tests {
     fn what_is_stored_or_came_before_is_not_fresh() {
         let offers = [(0, 4), (1, 4), (0, 5), (1, 6), (1, 8)].map(|(owner, sample)| Offer {
             owner,
+            origin: None,
             stream: StreamId::design(0),
             sample,
             value: sample as f64,
         });
         let mut receipts = [Receipt::default(); 2];
-        let stored = [block(2, &[2.0, 3.0]), block(5, &[5.0])];
-        let fresh = fresh(&stored, &offers, &mut receipts).unwrap();
+        let held = [block(2, &[2.0, 3.0]), block(5, &[5.0])];
+        let fresh = fresh(&held, &offers, &mut receipts).unwrap();
         assert_eq!(
             fresh,
-            [block(4, &[4.0]), block(6, &[6.0]), block(8, &[8.0])]
+            [stored(4, &[4.0]), stored(6, &[6.0]), stored(8, &[8.0])]
         );
         let counts = receipts.map(|receipt| (receipt.new_rows, receipt.duplicate_rows));
         assert_eq!(counts, [(1, 1), (2, 1)]);

@@ -1,12 +1,12 @@
 //! Recognises stores and their schema, and makes the tables of a new one.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Read as _;
 use std::path::Path;
 
 use sqlx::migrate::{MigrateError, Migrator};
 
-use crate::connection::Connection;
+use crate::connection::{Connection, waiting};
 use crate::integrity::ReadOptions;
 use crate::{Error, fail_point};
 
@@ -19,6 +19,13 @@ const APPLICATION_ID: i64 = 0x5054_4348;
 const SQLITE_MAGIC: &[u8; 16] = b"SQLite format 3\0";
 
 pub(crate) fn check_header(path: &Path) -> Result<(), Error> {
+    // Opening a pipe waits for its other end, and opening a device may do anything.
+    let file = fs::metadata(path).map_err(|e| Error::io("stat", path, e))?;
+    if !file.is_file() && !file.is_dir() {
+        return Err(Error::NotADatabase {
+            path: path.to_owned(),
+        });
+    }
     let mut file = File::open(path).map_err(|e| Error::io("open", path, e))?;
     let mut head = Vec::with_capacity(SQLITE_MAGIC.len());
     file.by_ref()
@@ -57,7 +64,8 @@ pub(crate) fn is_marked(path: &Path) -> Result<bool, Error> {
 pub(crate) async fn inspect(file: &ReadOptions) -> Result<Connection<'static>, Error> {
     let path = &file.path;
     let mut connection = file.connect().await?;
-    let application_id: Vec<i64> = connection.pragma("PRAGMA application_id").await?;
+    let first_read = connection.pragma("PRAGMA application_id");
+    let application_id: Vec<i64> = waiting(path, first_read).await?;
     let application_id = application_id.first().copied().unwrap_or(0);
     if application_id != APPLICATION_ID {
         return Err(Error::NotAStore {

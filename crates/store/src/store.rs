@@ -14,6 +14,7 @@ use crate::connection::{Connection, Readers};
 use crate::criteria::{self, CriteriaRow};
 use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
+use crate::discard::{Discard, Discarded};
 use crate::evaluations::{self, EvaluationRow};
 use crate::failures::{self, FailureGroup, FailureRow};
 use crate::generations;
@@ -22,6 +23,7 @@ use crate::integrity::Integrity;
 use crate::missing::{self, MissingWork};
 use crate::models::{self, ModelRow};
 use crate::optima::{self, OptimumRow};
+use crate::origins::{self, OriginRow};
 use crate::progress::{self, Progress};
 use crate::receipt::Receipt;
 use crate::responses::{self, ResponseRow};
@@ -269,6 +271,34 @@ impl Store {
     pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
         let receipt = self.put(Change::NoFailures(reason.to_owned())).await?;
         Ok(receipt.new_rows)
+    }
+
+    /// Removes results that are not trusted, all or nothing, or only counts them if `is_trial`. They are computed again
+    /// like any that are missing, and what was derived from them is then found to be outdated.
+    pub async fn discard(&self, what: &Discard, is_trial: bool) -> Result<Discarded, Error> {
+        let told = Arc::default();
+        self.put(Change::Discard(what.clone(), is_trial, Arc::clone(&told)))
+            .await?;
+        Ok(told.get().copied().unwrap_or_default())
+    }
+
+    /// Passes the stream, the samples and the origin of each stored block to `visit`, ordered by stream and sample.
+    ///
+    /// # Errors
+    ///
+    /// The first error of `visit`, which ends the visit, or the store's own.
+    pub async fn visit_blocks<E: From<Error>>(
+        &self,
+        mut visit: impl FnMut(&SampleBlock, Option<&OriginRow>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut reader = self.reader().await?;
+        let origins: BTreeMap<i64, OriginRow> =
+            origins::all(&mut reader).await?.into_iter().collect();
+        samples::visit_stored(&mut reader, Streams::All, |stored| {
+            let origin = stored.origin.and_then(|origin| origins.get(&origin));
+            visit(&stored.block, origin)
+        })
+        .await
     }
 
     /// Replaces all responses by these, all or nothing.

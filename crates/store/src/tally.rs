@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use ledger::StreamId;
 
 use crate::Error;
-use crate::blocks::{SampleBlock, Streams};
+use crate::blocks::{SampleBlock, StoredBlock, Streams};
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
 use crate::row::{self, Columns, Row};
@@ -179,7 +179,7 @@ pub(crate) fn compare(
             in_words(acknowledged)
         );
         let row = format!("one of {stream}");
-        return Err(connection.damaged_rows(SampleBlock::TABLE, row, &detail));
+        return Err(connection.damaged_rows(StoredBlock::TABLE, row, &detail));
     }
     Ok(())
 }

@@ -264,8 +264,10 @@ impl Task {
         };
         fail_point::at("checkpoint");
         // A reader elsewhere may keep part of the log in use. The statement reports that in its
-        // row, not as an error, and the only cost is the log's size.
-        connection.run("PRAGMA wal_checkpoint(TRUNCATE)").await?;
+        // row, not as an error, and the only cost is the log's size: not worth a long wait.
+        connection
+            .run("PRAGMA busy_timeout = 10000; PRAGMA wal_checkpoint(TRUNCATE)")
+            .await?;
         connection.close().await
     }
 }
@@ -317,5 +319,21 @@ mod tests {
                 .len(),
             200
         );
+    }
+
+    #[tokio::test]
+    async fn a_lock_that_is_not_released_is_blamed_on_another_program() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("campaign.db");
+        filled(&path, 1).await;
+        let path: Arc<Path> = path.into();
+        let options = open::writing(&path).busy_timeout(Duration::ZERO);
+        let mut other = Connection::open(&options, &path).await.unwrap();
+        let lock = other.begin("BEGIN EXCLUSIVE").await.unwrap();
+        let mut own = Connection::open(&options, &path).await.unwrap();
+        let error = own.begin("BEGIN IMMEDIATE").await.unwrap_err();
+        assert!(matches!(error, Error::Busy { .. }), "{error}");
+        lock.commit().await.unwrap();
+        own.begin("BEGIN IMMEDIATE").await.unwrap();
     }
 }

@@ -374,7 +374,7 @@ fn unit(column: &str) -> &'static str {
     unit.map_or("", |(_, unit)| unit)
 }
 
-const TABLES: [&str; 9] = [
+const TABLES: [&str; 10] = [
     "designs",
     "samples",
     "responses",
@@ -384,6 +384,7 @@ const TABLES: [&str; 9] = [
     "infill",
     "evaluations",
     "failures",
+    "blocks",
 ];
 
 /// The columns of an exported table.

@@ -272,6 +272,7 @@ fn a_campaigns_results_are_for_programs_and_overwrite_nothing() {
         "rounds",
         "infill",
         "failures",
+        "blocks",
     ] {
         let text = printed(&export(table, &["-"]));
         let rows = json(&export(table, &["-", "--format", "json"]));

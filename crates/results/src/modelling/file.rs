@@ -5,6 +5,7 @@ use std::collections::HashSet;
 use kriging::Surrogate;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_json::value::RawValue;
 
 use crate::modelling::{Error, InputError, Quantity, SCHEMA_VERSION};
 
@@ -42,7 +43,8 @@ struct ModelObject {
     inputs: Vec<ModelInput>,
     response: Quantity,
     noise_variance: f64,
-    model: Value,
+    /// As text: a value would keep only the last of two members with one key.
+    model: Box<RawValue>,
 }
 
 /// The version alone, which is readable in an object of any version.
@@ -82,14 +84,14 @@ impl ModelFile {
     ///
     /// One of the model's numbers is not finite.
     pub fn to_json(&self) -> Result<Value, Error> {
-        let text = self.surrogate.to_json()?;
+        let model = self.surrogate.to_json()?;
         let json = |error| Error::Kriging(kriging::Error::Json(error));
         serde_json::to_value(ModelObject {
             schema_version: SCHEMA_VERSION,
             inputs: self.inputs.clone(),
             response: self.response.clone(),
             noise_variance: self.noise_variance,
-            model: serde_json::from_str(&text).map_err(json)?,
+            model: RawValue::from_string(model).map_err(json)?,
         })
         .map_err(json)
     }
@@ -113,7 +115,7 @@ impl ModelFile {
             )));
         }
         let stored: ModelObject = serde_json::from_str(text).map_err(unreadable)?;
-        let surrogate = Surrogate::from_json(&stored.model.to_string()).map_err(|error| {
+        let surrogate = Surrogate::from_json(stored.model.get()).map_err(|error| {
             let cause = std::error::Error::source(&error);
             let cause = cause.map_or_else(String::new, |cause| format!(": {cause}"));
             wrong(format!("the model cannot be read: {error}{cause}"))

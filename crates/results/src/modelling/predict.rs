@@ -294,6 +294,11 @@ mod tests {
             ("\"name\":\"b\"", "\"name\":\"a_mm\"", "\"a_mm\" twice"),
             ("\"response\":{", "\"respond\":{", "is no model file"),
             ("\"dimensions\":2", "\"dimensions\":3", "cannot be read"),
+            (
+                "\"dimensions\":2",
+                "\"dimensions\":3,\"dimensions\":2",
+                "duplicate field `dimensions`",
+            ),
         ] {
             let broken = text.replacen(from, to, 1);
             assert_ne!(broken, text, "{from}");

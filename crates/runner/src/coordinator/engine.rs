@@ -21,6 +21,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::info;
 
 use crate::coordinator::board::Board;
+use crate::coordinator::repeats::Repeats;
 use crate::coordinator::steps::Steps;
 use crate::coordinator::stopwatch::Stopwatch;
 
@@ -96,6 +97,7 @@ impl Engine {
         let sizes = &mut Sizes::default();
         let mut has_control = !self.campaign().is_external();
         let more = &mut snapshot::wants_more(&self.store, &self.campaign().sampling).await?;
+        let repeats = &mut Repeats::default();
         loop {
             if shutdown.is_cancelled() || self.board.is_drained() {
                 return Ok(None);
@@ -111,9 +113,13 @@ impl Engine {
             };
             let base = state.base(problem);
             let next = plan::next(problem, &self.inputs, &state);
+            repeats.see(&state.quarantined, more);
             if !next.outdated.is_empty() {
                 let outdated: Vec<String> = next.outdated.iter().map(DerivedResult::name).collect();
-                info!(outdated = %outdated.join(", "), "inputs have changed: to be computed again");
+                let outdated = outdated.join(", ");
+                let step = format!("the removal of {outdated}");
+                repeats.count(&step, &format!("{:?}", state.derivations), store.path())?;
+                info!(%outdated, "inputs have changed: to be computed again");
                 // The board must forget them, too; their late results are refused.
                 let is_gone = |stream| {
                     let mut gone = next.outdated.iter();
@@ -137,6 +143,7 @@ impl Engine {
             self.board.open();
             watch.enter(next.stage()).await?;
             if let Some(step) = next.local {
+                repeats.count(step.name(), &next.inputs, store.path())?;
                 let step = self.do_step(step, &next.inputs, base.as_ref(), more);
                 tokio::select! {
                     done = step => done?,
@@ -157,7 +164,7 @@ impl Engine {
                 return Ok(None);
             }
             tokio::select! {
-                () = settled => {}
+                () = settled => repeats.forget(),
                 () = self.board.drained() => return Ok(None),
                 () = shutdown.cancelled() => return Ok(None),
             }
@@ -282,29 +289,30 @@ impl Engine {
         more: &mut BTreeMap<u64, u64>,
     ) -> anyhow::Result<()> {
         let steps = &self.steps;
+        let doing = step.name();
         match step {
-            LocalStep::Doe => steps.make_doe().await.context("making the DoE"),
+            LocalStep::Doe => steps.make_doe().await.context(doing),
             LocalStep::Statistics => {
                 let quarantined = self.board.quarantined();
                 let wanting = steps.compute_responses(base, &quarantined, inputs).await;
-                if let Some(wanting) = wanting.context("computing responses")? {
+                if let Some(wanting) = wanting.context(doing)? {
                     *more = wanting;
                 }
                 Ok(())
             }
             LocalStep::Fit => {
                 let fitted = steps.fit(base, inputs).await;
-                fitted.context("fitting the kriging model")
+                fitted.context(doing)
             }
             LocalStep::Enrich => {
                 let base = base.context("the base variables are not known")?;
                 let decided = steps.decide_round(base.clone(), inputs).await;
-                decided.context("deciding the next infill points")
+                decided.context(doing)
             }
             LocalStep::Choose(approach) => steps
                 .choose(approach, base, inputs)
                 .await
-                .with_context(|| format!("choosing the optimum of {}", approach.name())),
+                .with_context(|| format!("{doing} of {}", approach.name())),
         }
     }
 }

@@ -7,7 +7,7 @@
 //! - [`server`] opens the store and runs a campaign. [`serving`] has the port, and the [`local`] workers
 //!   of the same process.
 //! - [`provenance`] names the machine, time and program version of a report.
-//! - `leases` ends expired leases.
+//! - `leases` ends expired leases. `repeats` ends a run whose steps have no effect.
 
 #![expect(
     clippy::disallowed_methods,
@@ -25,6 +25,7 @@ mod pace;
 pub mod provenance;
 mod receiver;
 pub mod recorder;
+mod repeats;
 pub mod server;
 pub mod service;
 pub mod serving;

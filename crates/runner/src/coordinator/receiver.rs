@@ -10,7 +10,7 @@ use ledger::{Delivery, Failure, Generation, LeaseId, StreamId, Unit, Verdict, Wo
 use problem::formulation::Problem;
 use problem::task::{self, Evaluation, Output, Source};
 use stages::{contradiction, names};
-use store::{Batch, CriteriaRow, FailureKind, FailureRow, Receipt, SampleBlock};
+use store::{Batch, CriteriaRow, FailureKind, FailureRow, OriginRow, Receipt, SampleBlock};
 use tonic::Status;
 use tracing::{debug, error, info, warn};
 
@@ -42,12 +42,21 @@ impl<R: Recorder> Receiver<'_, R> {
         worker: &WorkerId,
         results: Vec<LeaseResult>,
     ) -> Result<(), Status> {
+        let origin = OriginRow {
+            worker: worker.to_string(),
+            host: self.board.host(worker),
+            // Workers of another build are refused.
+            build: crate::identity::BUILD.to_owned(),
+        };
         let mut all = Vec::new();
         let mut commits = Vec::new();
         for (of, result) in results.iter().enumerate() {
             let mut brought = LeaseResults::default();
             for unit in &result.results {
                 self.take(worker, unit, &mut brought);
+            }
+            for part in &mut brought.parts {
+                part.batch.origin = Some(origin.clone());
             }
             // Designs are committed together. A result that depends on a generation is committed
             // alone.

@@ -3,18 +3,15 @@
 //! Secrets come only from such files. Everybody on a machine can see a command line, and every child
 //! process inherits the environment, so both contain only the files' names.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 use crate::gateway::error::Error;
 
 /// Maximum size of a file, in bytes.
 const LARGEST: u64 = 1 << 20;
-/// Permission bits of a file that its owner alone can read and write.
-const MODE: u32 = 0o600;
-
 /// Reads the file at `path`.
 pub(crate) fn read(path: &Path) -> Result<String, Error> {
     let unreadable = |reason: io::Error| match reason.kind() {
@@ -44,34 +41,23 @@ pub(crate) fn read(path: &Path) -> Result<String, Error> {
 
 /// Opens the file at `path` for a lock; creates it if it does not exist.
 pub(crate) fn open(path: &Path) -> Result<File, Error> {
-    OpenOptions::new()
-        .read(true)
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .mode(MODE)
-        .open(path)
-        .map_err(|reason| write_error(path, reason))
+    store::open_own_file(path, None).map_err(|reason| write_error(path, reason))
 }
 
 /// Rewrites the file at `path` in place, so that a lock on it stays.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), Error> {
-    OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(MODE)
-        .open(path)
-        .and_then(|mut file| {
-            file.write_all(text.as_bytes())?;
-            file.sync_all()
-        })
+    let mut file = open(path)?;
+    file.set_len(0)
+        .and_then(|()| file.write_all(text.as_bytes()))
+        .and_then(|()| file.sync_all())
         .map_err(|reason| write_error(path, reason))
 }
 
 /// Replaces the file at `path`, so that a reader finds the old text or the new one.
 pub(crate) fn replace(path: &Path, text: &str) -> Result<(), Error> {
     let draft: PathBuf = path.with_extension("part");
+    // A leftover of a killed coordinator, or a name that somebody else prepared.
+    let _ = fs::remove_file(&draft);
     write(&draft, text)?;
     fs::rename(&draft, path).map_err(|reason| write_error(path, reason))
 }
@@ -119,9 +105,27 @@ mod tests {
         let path = folder.path().join("c.access");
         for (write, text) in [(write as fn(&Path, &str) -> _, "a"), (replace, "b")] {
             write(&path, text).unwrap();
-            assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, MODE);
+            assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
             assert_eq!(read(&path).unwrap(), text);
         }
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    /// In a folder that others can write to.
+    #[test]
+    fn a_secret_is_not_written_into_a_file_that_was_prepared() {
+        let folder = tempfile::tempdir().unwrap();
+        let [path, draft, other] =
+            ["c.access", "c.part", "other"].map(|name| folder.path().join(name));
+        fs::write(&other, "").unwrap();
+        fs::set_permissions(&other, fs::Permissions::from_mode(0o666)).unwrap();
+        std::os::unix::fs::symlink(&other, &draft).unwrap();
+        replace(&path, "hunter2").unwrap();
+        assert_eq!(read(&path).unwrap(), "hunter2");
+        fs::remove_file(&path).unwrap();
+        std::os::unix::fs::symlink(&other, &path).unwrap();
+        let error = write(&path, "hunter2").unwrap_err().to_string();
+        assert!(error.contains("symbolic link"), "{error}");
+        assert_eq!(fs::read(&other).unwrap(), b"");
     }
 }

@@ -102,10 +102,17 @@ impl Shard {
 pub(crate) fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let fresh = path.with_file_name(format!(".{name}"));
-    let mut file = fs::File::create(&fresh)?;
+    let mut file = create_fresh(&fresh)?;
     file.write_all(content)?;
     file.sync_all()?;
     fs::rename(&fresh, path)
+}
+
+/// Creates a file under a name that is only used until the file is whole. Whatever has the name is removed first, since
+/// it may be a link to another file.
+pub(crate) fn create_fresh(path: &Path) -> std::io::Result<fs::File> {
+    let _ = fs::remove_file(path);
+    fs::File::create_new(path)
 }
 
 fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {

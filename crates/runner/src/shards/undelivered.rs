@@ -12,6 +12,7 @@ use crate::protocol::v1::{LeaseId, LeaseResult};
 
 use crate::shards::error::Error;
 use crate::shards::part::{self, Header, Part};
+use crate::shards::shard::create_fresh;
 
 /// The ending of the files' names.
 const ENDING: &str = "part";
@@ -40,7 +41,7 @@ impl UndeliveredFile {
         let fresh = folder.join(format!(".{name}"));
         let create = || {
             fs::create_dir_all(folder)?;
-            let mut file = File::create(&fresh)?;
+            let mut file = create_fresh(&fresh)?;
             file.lock()?;
             file.write_all(header.line()?.as_bytes())?;
             file.sync_all()?;

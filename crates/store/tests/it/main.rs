@@ -1,6 +1,8 @@
 //! The store on real files.
 
+mod bits;
 mod damage;
+mod discarding;
 mod evaluations;
 mod extending;
 #[cfg(unix)]

@@ -85,6 +85,68 @@ async fn a_store_that_is_removed_while_it_is_used_is_missed() {
     }
 }
 
+/// A pipe would be waited for, and a device may do anything when it is opened.
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_pipe_is_no_store() {
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+
+    let (_folder, path) = folder();
+    mknodat(CWD, &path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+    for error in [
+        Store::open_read_only(&path).await.unwrap_err(),
+        Store::create_or_open(&path, &campaign()).await.unwrap_err(),
+    ] {
+        assert!(matches!(error, Error::NotADatabase { .. }), "{error}");
+    }
+    assert!(!beside(&path, ".lock").exists());
+}
+
+/// Another program may lock the file for longer than a moment, for example a database browser.
+#[tokio::test]
+async fn a_lock_of_another_program_is_waited_for() {
+    use sqlx::Connection as _;
+    use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
+
+    let (_folder, path) = folder();
+    let store = store_with(&path, 1).await;
+    let options = SqliteConnectOptions::new().filename(&path);
+    let mut other = SqliteConnection::connect_with(&options).await.unwrap();
+    let lock = sqlx::query("BEGIN EXCLUSIVE");
+    lock.execute(&mut other).await.unwrap();
+    let writer = store.writer().unwrap();
+    let submitted = tokio::spawn(async move { writer.submit(samples([sample(0, 0, 1.0)])).await });
+    tokio::time::sleep(Duration::from_secs(12)).await;
+    assert!(!submitted.is_finished());
+    sqlx::query("ROLLBACK").execute(&mut other).await.unwrap();
+    assert_eq!(submitted.await.unwrap().unwrap().new_rows, 1);
+}
+
+/// In a folder that others can write to, the lock's name may lead to a file of the coordinator's user.
+#[cfg(unix)]
+#[tokio::test]
+async fn a_lock_file_is_the_owners_alone() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let (folder, path) = folder();
+    let (lock, victim) = (beside(&path, ".lock"), folder.path().join("victim"));
+    fs::write(&victim, "0000000000000000000000").unwrap();
+    std::os::unix::fs::symlink(&victim, &lock).unwrap();
+    let error = Store::create_or_open(&path, &campaign()).await.unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert_eq!(fs::read(&victim).unwrap(), [b'0'; 22]);
+    assert!(!path.exists());
+
+    fs::remove_file(&lock).unwrap();
+    let mode = || fs::metadata(&lock).unwrap().permissions().mode() & 0o777;
+    store_with(&path, 1).await.close().await.unwrap();
+    assert_eq!(mode(), 0o600);
+    // A user who can open the file can lock it.
+    fs::set_permissions(&lock, fs::Permissions::from_mode(0o666)).unwrap();
+    open(&path).await.close().await.unwrap();
+    assert_eq!(mode(), 0o600);
+}
+
 /// The loss is noticed without a write.
 #[cfg(unix)]
 #[tokio::test]

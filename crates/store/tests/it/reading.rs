@@ -73,6 +73,7 @@ async fn every_table_gives_back_what_was_put() {
         evaluations: vec![],
         derivations: vec![],
         only_for: None,
+        origin: None,
     };
     let responses = [
         ResponseRow {

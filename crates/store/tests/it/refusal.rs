@@ -197,6 +197,27 @@ async fn other_schemas_are_refused() {
 }
 
 #[tokio::test]
+async fn a_store_without_one_of_its_tables_or_rows_is_damaged() {
+    for change in [
+        "DROP TABLE _sqlx_migrations",
+        "ALTER TABLE _sqlx_migrations DROP COLUMN checksum",
+        "DROP TABLE sample_tally",
+        "DELETE FROM campaign",
+        "DELETE FROM commit_tally",
+    ] {
+        let (_folder, path) = folder();
+        open(&path).await.close().await.unwrap();
+        execute(&path, change).await;
+        let error = Store::create_or_open(&path, &campaign()).await;
+        let error = error.expect_err(change);
+        assert!(
+            matches!(error, Error::Damaged { .. } | Error::DamagedRows { .. }),
+            "{change}: {error}"
+        );
+    }
+}
+
+#[tokio::test]
 async fn a_creation_that_was_killed_is_begun_anew() {
     let (_folder, path) = folder();
     fs::write(beside(&path, ".creating"), "half a store").unwrap();

@@ -33,6 +33,7 @@ async fn the_same_rows_again_are_duplicates() {
         evaluations: vec![],
         derivations: vec![],
         only_for: None,
+        origin: None,
     };
     let writer = store.writer().unwrap();
     writer.submit(batch.clone()).await.unwrap();

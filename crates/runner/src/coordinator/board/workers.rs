@@ -57,6 +57,12 @@ impl Board {
         })
     }
 
+    /// The host that a worker named; empty if it is not registered.
+    pub(crate) fn host(&self, worker: &WorkerId) -> String {
+        let inner = self.lock();
+        inner.ledger.host(worker).unwrap_or_default().to_owned()
+    }
+
     /// Records that a worker called. Returns false if the worker is not registered.
     #[must_use]
     pub fn is_known(&self, worker: &WorkerId) -> bool {

@@ -1,0 +1,88 @@
+//! `discard`: removes stored results that are not trusted.
+
+use problem::Campaign;
+use problem::formulation::Problem;
+use results::table::SCHEMA_VERSION;
+use runner::coordinator::server;
+use runner::exit::{self, ProgramError};
+use serde::Serialize;
+use store::{Discard, Discarded, Store};
+
+use super::output::print_either;
+use super::refuse_network_store;
+use crate::arguments;
+
+#[derive(Serialize)]
+struct Removal {
+    schema_version: u32,
+    /// Whether the results were removed, not only counted.
+    removed: bool,
+    samples: u64,
+    criteria: u64,
+    evaluations: u64,
+    runs: u64,
+}
+
+/// `coordinator discard`.
+pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, ProgramError> {
+    refuse_network_store(&arguments.db, arguments.allow_network_store)?;
+    let what = match (arguments.what.design, arguments.what.worker) {
+        (Some(design), _) => Discard::Design(design),
+        (None, worker) => Discard::Worker(worker.unwrap_or_default()),
+    };
+    let held = Store::open_read_only(&arguments.db).await?;
+    let row = held.campaign().await?;
+    held.close().await?;
+    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let store = server::open_store(&Problem::new(campaign), &row.file_text, &arguments.db).await?;
+    let removed = store.discard(&what, !arguments.yes).await;
+    store.close().await?;
+    let Discarded {
+        samples,
+        criteria,
+        evaluations,
+        runs,
+    } = removed?;
+    let removal = Removal {
+        schema_version: SCHEMA_VERSION,
+        removed: arguments.yes,
+        samples,
+        criteria,
+        evaluations,
+        runs,
+    };
+    print_either(arguments.json, &removal, || describe(&what, &removal))?;
+    Ok(exit::OK)
+}
+
+fn describe(what: &Discard, removal: &Removal) -> String {
+    let of = match what {
+        Discard::Design(design) => format!("design {design}"),
+        Discard::Worker(name) => format!("worker or host {name}"),
+    };
+    let Removal {
+        samples,
+        criteria,
+        evaluations,
+        runs,
+        ..
+    } = removal;
+    let counts = format!(
+        "{samples} samples, criteria of {criteria} designs, {evaluations} evaluations and {runs} runs of optimisers"
+    );
+    match removal.removed {
+        _ if samples + criteria + evaluations + runs == 0 => {
+            format!(
+                "nothing is stored of {of}: `coordinator export --table blocks` names workers and hosts\n"
+            )
+        }
+        true => format!(
+            "removed         {counts}, of {of}\n\
+             next            the campaign's command again, which computes them and all that follows from them anew\n"
+        ),
+        false => format!(
+            "would remove    {counts}, of {of}\n\
+             next            the same command with --yes\n"
+        ),
+    }
+}

@@ -1,0 +1,92 @@
+//! The removal of results that a user does not trust.
+
+use std::collections::BTreeSet;
+
+use ledger::StreamId;
+
+use crate::Error;
+use crate::blocks::Streams;
+use crate::connection::Connection;
+use crate::derived::{self, DerivedResult};
+use crate::values::StreamKey;
+use crate::{criteria, evaluations, origins, runs, samples};
+
+/// The results to remove.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Discard {
+    /// Samples and criteria of the design with this number.
+    Design(u32),
+    /// Everything that came from the worker of this name, or from any worker of the host of this name.
+    Worker(String),
+}
+
+/// Numbers of removed rows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Discarded {
+    /// Samples of designs, optima and infill points.
+    pub samples: u64,
+    /// Designs whose criteria were removed.
+    pub criteria: u64,
+    /// Evaluations of candidates, with those of the same run that came later.
+    pub evaluations: u64,
+    /// Runs of optimisers.
+    pub runs: u64,
+}
+
+/// Removes results, or only counts them if `is_trial`. What is derived from them is found to be outdated at the next
+/// start.
+pub(crate) async fn discard(
+    connection: &mut Connection<'_>,
+    what: &Discard,
+    is_trial: bool,
+) -> Result<Discarded, Error> {
+    connection.run("SAVEPOINT discard").await?;
+    let removed = match what {
+        Discard::Design(design) => of_design(connection, *design).await?,
+        Discard::Worker(name) => of_worker(connection, name).await?,
+    };
+    if is_trial {
+        connection.run("ROLLBACK TO discard").await?;
+    }
+    connection.run("RELEASE discard").await?;
+    Ok(removed)
+}
+
+async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<Discarded, Error> {
+    let stream = StreamId::design(design);
+    let held = samples::of(connection, stream).await?.len() as u64;
+    samples::remove(connection, Streams::One(stream)).await?;
+    Ok(Discarded {
+        samples: held,
+        criteria: criteria::remove_of_design(connection, design).await?,
+        ..Discarded::default()
+    })
+}
+
+async fn of_worker(connection: &mut Connection<'_>, name: &str) -> Result<Discarded, Error> {
+    let mut origins = origins::all(connection).await?;
+    origins.retain(|(_, row)| row.worker == name || row.host == name);
+    let origins: BTreeSet<i64> = origins.into_iter().map(|(origin, _)| origin).collect();
+    let mut removed = Discarded::default();
+    for origin in origins {
+        removed.samples += samples::remove_from(connection, origin).await?;
+        removed.criteria += criteria::remove_from(connection, origin).await?;
+        for (stream, first) in evaluations::first_from(connection, origin).await? {
+            removed.evaluations += evaluations::remove(connection, stream, first).await?;
+            removed.runs += remove_run(connection, stream).await?;
+        }
+        let query = sqlx::query!(
+            r#"SELECT stream AS "stream: StreamKey" FROM optimiser_run WHERE origin = ?"#,
+            origin
+        );
+        for run in connection.all(query).await? {
+            removed.runs += remove_run(connection, run.stream.0).await?;
+        }
+    }
+    Ok(removed)
+}
+
+async fn remove_run(connection: &mut Connection<'_>, stream: StreamId) -> Result<u64, Error> {
+    derived::remove_named(connection, &DerivedResult::Run(stream)).await?;
+    runs::remove(connection, stream).await
+}
