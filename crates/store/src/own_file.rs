@@ -22,9 +22,19 @@ pub fn open_own_file(path: &Path, beside: Option<&Path>) -> io::Result<File> {
     let owner = owner.as_ref();
     // First the name, since opening a pipe or another user's file says nothing of the reason.
     refuse(&fs::symlink_metadata(path)?, owner)?;
-    let file = options().open(path)?;
+    let file = options().open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::PermissionDenied => denied("its permissions forbid it"),
+        _ => error,
+    })?;
     refuse(&file.metadata()?, owner)?;
     Ok(file)
+}
+
+fn denied(what: &str) -> io::Error {
+    let what = format!(
+        "{what}: run this as the owner of the files, or remove it unless another coordinator uses it"
+    );
+    io::Error::new(io::ErrorKind::PermissionDenied, what)
 }
 
 fn options() -> OpenOptions {
@@ -55,8 +65,7 @@ fn refuse(file: &Metadata, owner: Option<&Metadata>) -> io::Result<()> {
     } else {
         return Ok(());
     };
-    let what = format!("{what}: remove it unless another coordinator uses it");
-    Err(io::Error::new(io::ErrorKind::PermissionDenied, what))
+    Err(denied(&what))
 }
 
 #[cfg(not(unix))]
