@@ -182,6 +182,8 @@ pub enum Error {
         stored: String,
         /// The value that was refused.
         offered: String,
+        /// The worker that computed the stored value, if the store names it.
+        worker: Option<String>,
     },
     /// A sample was submitted of a design that is not in the store.
     #[error("design {design} is not in the store: its variables come before its samples")]
@@ -338,6 +340,7 @@ impl Error {
             row,
             stored,
             offered,
+            worker: None,
         }
     }
 

@@ -63,7 +63,12 @@ pub(crate) async fn insert(
                 Vec::new()
             }
         };
-        let blocks = fresh(&stored, offers, receipts)?;
+        let blocks = match fresh(&stored, offers, receipts) {
+            Ok(blocks) => blocks,
+            Err((sample, conflict)) => {
+                return Err(named(connection, stream, sample, conflict).await?);
+            }
+        };
         additions.add(stream, tally.unwrap_or_default(), blocks);
     }
     additions.write(connection).await
@@ -95,12 +100,34 @@ async fn refuse_unknown_design(
     Ok(())
 }
 
-/// The offered samples that are not stored yet, as blocks. Both inputs are sorted.
+/// A conflict with the name of the worker that computed the stored sample.
+async fn named(
+    connection: &mut Connection<'_>,
+    stream: StreamId,
+    sample: u64,
+    mut conflict: Error,
+) -> Result<Error, Error> {
+    let (stream, sample) = (key(stream), sample.cast_signed());
+    let query = sqlx::query!(
+        "SELECT origin.worker FROM sample_block JOIN origin ON origin.origin = sample_block.origin
+         WHERE stream = ? AND first_sample <= ? ORDER BY first_sample DESC LIMIT 1",
+        stream,
+        sample,
+    );
+    let of = connection.optional(query).await?;
+    if let Error::Conflict { worker, .. } = &mut conflict {
+        *worker = of.map(|of| of.worker);
+    }
+    Ok(conflict)
+}
+
+/// The offered samples that are not stored yet, as blocks, or the first that differs from the stored one. Both inputs
+/// are sorted.
 fn fresh(
     stored: &[SampleBlock],
     offers: &[Offer],
     receipts: &mut [Receipt],
-) -> Result<Vec<StoredBlock>, Error> {
+) -> Result<Vec<StoredBlock>, (u64, Error)> {
     let mut stored = stored.iter().flat_map(SampleBlock::indexed).peekable();
     let mut fresh = Vec::new();
     let mut last = None;
@@ -117,7 +144,8 @@ fn fresh(
             Some((_, value)) => {
                 let row = format!("sample {} of {}", offer.sample, offer.stream);
                 let values: [&dyn Debug; 2] = [value, &offer.value];
-                return Err(Error::conflict(StoredBlock::TABLE, row, values));
+                let conflict = Error::conflict(StoredBlock::TABLE, row, values);
+                return Err((offer.sample, conflict));
             }
             None => {
                 append(

@@ -22,7 +22,7 @@ use crate::outside;
 /// Maximum length of a recorded error message, in bytes.
 const ERROR_BYTES: usize = 1 << 10;
 
-/// The worker of a stored result in messages: the store does not name it.
+/// The worker of a stored result that the store does not name.
 const EARLIER: &str = "an earlier worker";
 
 /// The receiver of reported results.
@@ -377,14 +377,19 @@ impl LeaseResults {
             Err(refused) => {
                 // The stored numbers stay, and the contradiction is recorded. Settled samples stay
                 // settled; any others are leased to another worker.
-                let contradicts = matches!(refused, store::Error::Conflict { .. });
-                let error = match contradicts {
-                    true => {
-                        let difference = refused.to_string();
-                        let (of, worker) = (unit.stream, worker.as_str());
-                        contradiction::record(of, worker, EARLIER, &difference)
-                    }
-                    false => refused.to_string(),
+                let conflict = match &refused {
+                    store::Error::Conflict { worker, .. } => Some(worker.as_deref()),
+                    _ => None,
+                };
+                let contradicts = conflict.is_some();
+                let error = match conflict {
+                    Some(earlier) => contradiction::record(
+                        unit.stream,
+                        worker.as_str(),
+                        earlier.unwrap_or(EARLIER),
+                        &refused.to_string(),
+                    ),
+                    None => refused.to_string(),
                 };
                 error!(%job, %worker, %error, "a result that cannot be stored");
                 self.failed.push(FailedUnit {
