@@ -1,7 +1,8 @@
 //! A coordinator and its workers as processes to which faults are applied.
 
 use std::fs::File;
-use std::net::SocketAddr;
+use std::io::Write as _;
+use std::net::{SocketAddr, TcpStream};
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -23,6 +24,10 @@ const STORE_LOCKED: i32 = 9;
 /// The access file of a second coordinator on the same store, which must be refused because of the
 /// store itself.
 const INTRUDERS_ACCESS: &str = "intruder.access";
+/// Exit code: this machine cannot run the simulator.
+const BROKEN_MACHINE: i32 = 4;
+/// The beginning of a broken worker's name.
+const BROKEN: &str = "broken";
 /// Exit code: no coordinator answers.
 const UNREACHABLE: i32 = 11;
 /// Exit code: the campaign is finished except for quarantined jobs.
@@ -121,8 +126,10 @@ pub(crate) struct Cluster {
     proxies: Vec<Proxy>,
     coordinator: Option<Process>,
     workers: Vec<Option<Process>>,
-    /// Running commands that steer the coordinator.
+    /// Running commands that steer the coordinator, and broken workers.
     clients: Vec<Process>,
+    /// Idle connections to the page.
+    strangers: Vec<TcpStream>,
     started: usize,
     is_drained: bool,
     /// Exit code of a coordinator that ended by itself because the campaign is finished.
@@ -150,6 +157,7 @@ impl Cluster {
             coordinator: None,
             workers: (0..=RELIEF).map(|_| None).collect(),
             clients: Vec::new(),
+            strangers: Vec::new(),
             started: 0,
             is_drained: false,
             ended: None,
@@ -281,6 +289,8 @@ impl Cluster {
             }
             Act::Resume => self.steer(&["drain", "--resume"])?,
             Act::Retry => self.steer(&["retry"])?,
+            Act::Broken => self.add_broken_worker()?,
+            Act::Strangers => self.annoy(),
             Act::Outage(share) => {
                 self.has_failed = true;
                 self.outage(Some(share))?;
@@ -293,6 +303,32 @@ impl Cluster {
             }
         }
         Ok(())
+    }
+
+    /// Starts a worker that cannot run the simulator, and must leave.
+    fn add_broken_worker(&mut self) -> Result<(), Violation> {
+        let Setup {
+            programs,
+            folder,
+            simulator,
+            ..
+        } = &self.setup;
+        if let Some(command) = programs.broken_worker(folder, self.address, simulator) {
+            self.started += 1;
+            let name = format!("{BROKEN}-{}", self.started);
+            self.clients.push(Process::start(command, folder, name)?);
+        }
+        Ok(())
+    }
+
+    /// Opens more connections to the page than it has places, in place of the last ones.
+    fn annoy(&mut self) {
+        let open = |_| {
+            let mut stream = TcpStream::connect(self.http).ok()?;
+            stream.write_all(b"GET / HTTP/1.1\r\nHost:").ok()?;
+            Some(stream)
+        };
+        self.strangers = (0..300).map_while(open).collect();
     }
 
     /// Begins or ends an outage of the external simulator.
@@ -387,7 +423,9 @@ impl Cluster {
         }
         self.clients = open;
         for (client, status) in over {
-            if !matches!(status.code(), Some(FINISHED | UNREACHABLE)) {
+            let may_be_broken = client.name.starts_with(BROKEN)
+                && matches!(status.code(), Some(BROKEN_MACHINE | INTERRUPTED));
+            if !may_be_broken && !matches!(status.code(), Some(FINISHED | UNREACHABLE)) {
                 return Err(self.unexpected(&client.name, &status.to_string()));
             }
         }

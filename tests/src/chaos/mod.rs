@@ -28,6 +28,10 @@ use plan::{Purpose, random};
 use programs::{DB, Programs};
 use progress::Progress;
 
+/// A copy of a round's store, with one bit flipped.
+const FLIPPED: &str = "flipped.db";
+/// Number of bits that are flipped in copies of a round's store.
+const FLIPS: usize = 4;
 /// Minimum interval between looks at the progress.
 const LOOK: Duration = Duration::from_millis(250);
 /// The interval while a certain moment is waited for.
@@ -113,10 +117,29 @@ impl Soak {
         let outcome = Outcome::read(&self.programs, &folder, DB)?;
         outcome.compare(&reference.outcome)?;
         outcome.check_failures(kind)?;
+        self.flip(&folder, round, &outcome)?;
         if !self.keeps {
             let _ = std::fs::remove_dir_all(&folder);
         }
         Ok(result)
+    }
+
+    /// Flips bits of copies of a store: each is noticed, or changes nothing that is reported.
+    fn flip(&self, folder: &Path, round: u64, outcome: &Outcome) -> Result<(), Violation> {
+        let io = |error: std::io::Error| Violation(error.to_string());
+        let sound = std::fs::read(folder.join(DB)).map_err(io)?;
+        let mut rng = random(self.seed, round, Purpose::Bits);
+        for _ in 0..FLIPS {
+            let (byte, bit) = (rng.random_range(0..sound.len()), rng.random_range(0..8));
+            let mut flipped = sound.clone();
+            flipped[byte] ^= 1 << bit;
+            std::fs::write(folder.join(FLIPPED), flipped).map_err(io)?;
+            if let Some(status) = self.programs.check(folder, FLIPPED)? {
+                let same = outcome.has_status(&status);
+                same.map_err(|why| Violation(format!("bit {bit} of byte {byte}: {why}")))?;
+            }
+        }
+        Ok(())
     }
 
     /// The undisturbed run of a kind of campaign.

@@ -74,16 +74,22 @@ impl Outcome {
             .collect()
     }
 
-    /// Checks that this equals the outcome of an undisturbed run.
-    pub(crate) fn compare(&self, undisturbed: &Self) -> Result<(), Violation> {
+    /// Checks that a status equals that of this outcome.
+    pub(crate) fn has_status(&self, status: &Value) -> Result<(), Violation> {
         for key in KEYS {
-            let (now, then) = (&self.status[key], &undisturbed.status[key]);
+            let (now, then) = (&status[key], &self.status[key]);
             if now != then {
                 return Err(Violation(format!(
                     "{key} is {now}, and undisturbed it was {then}"
                 )));
             }
         }
+        Ok(())
+    }
+
+    /// Checks that this equals the outcome of an undisturbed run.
+    pub(crate) fn compare(&self, undisturbed: &Self) -> Result<(), Violation> {
+        undisturbed.has_status(&self.status)?;
         for (table, lines) in &self.tables {
             same(table, lines, &undisturbed.tables[table])?;
         }

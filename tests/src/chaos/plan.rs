@@ -49,6 +49,10 @@ pub(crate) enum Act {
     },
     /// Starts another coordinator on the same store, which must be refused.
     Intrude,
+    /// A worker on a machine that cannot run the simulator.
+    Broken,
+    /// Connections to the live page that never finish their request.
+    Strangers,
     /// `coordinator drain`.
     Drain,
     /// `coordinator drain --resume`.
@@ -68,7 +72,7 @@ pub(crate) enum Act {
 #[must_use]
 pub(crate) fn random(seed: u64, round: u64, purpose: Purpose) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    rng.set_stream(round * 4 + purpose as u64);
+    rng.set_stream(round * 8 + purpose as u64);
     rng
 }
 
@@ -83,6 +87,8 @@ pub(crate) enum Purpose {
     Course,
     /// The failures of the external simulator.
     Simulator,
+    /// The bits that are flipped in copies of its store.
+    Bits,
 }
 
 /// The acts with their times since the start of the round, in order. Faults begin within `span`.
@@ -128,6 +134,8 @@ pub(crate) fn plan(seed: u64, round: u64, span: Duration) -> Vec<(Duration, Act)
                 }
             }
             16 => acts.push((at, Act::Retry)),
+            17 => acts.push((at, Act::Broken)),
+            18 => acts.push((at, Act::Strangers)),
             24.. => {
                 // Three failures of a job take five seconds.
                 let end = at + Duration::from_millis(rng.random_range(500..9000));
@@ -190,6 +198,7 @@ mod tests {
         }
         let coordinator = Who::Coordinator;
         let mut wanted = vec![Act::Intrude, Act::Drain, Act::Resume, Act::Retry];
+        wanted.extend([Act::Broken, Act::Strangers]);
         wanted.extend([100, 50, 10].map(Act::Outage));
         wanted.extend([true, false].map(|retries| Act::Repair { retries }));
         for who in [coordinator, Who::Worker(0), Who::Worker(1)] {

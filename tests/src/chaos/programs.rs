@@ -9,6 +9,10 @@ use serde_json::Value;
 use super::Violation;
 use crate::{python, root};
 
+/// Exit code: the store is damaged.
+const UNUSABLE_STORE: i32 = 8;
+/// Exit code: the file is no store.
+const NOT_A_STORE: i32 = 7;
 /// The store of a round.
 pub(crate) const DB: &str = "c.db";
 /// The access file of a round's coordinator.
@@ -162,6 +166,44 @@ impl Programs {
         command.args(["--undelivered", "undelivered"]);
         command.args(simulator);
         command
+    }
+
+    /// The command of a worker that has neither the simulator nor a folder for its runs; none for the built-in simulator.
+    pub(crate) fn broken_worker(
+        &self,
+        folder: &Path,
+        address: SocketAddr,
+        simulator: &[String],
+    ) -> Option<Command> {
+        let mut simulator = simulator.to_vec();
+        let has_files = simulator.iter().any(|word| word == "--template");
+        let program = simulator.get_mut(1)?;
+        if !has_files {
+            *program = "/nonexistent/simulator".to_owned();
+        }
+        let mut command = self.worker(folder, address, 1, &simulator);
+        command.env("TMPDIR", "/nonexistent");
+        Some(command)
+    }
+
+    /// Whether the check of a store finds it sound, with its status.
+    pub(crate) fn check(&self, folder: &Path, db: &str) -> Result<Option<Value>, Violation> {
+        let mut command = self.command("coordinator", folder, "off");
+        command.args(["status", "--db", db, "--check", "--json"]);
+        let output = command
+            .output()
+            .map_err(|error| Violation(error.to_string()))?;
+        match output.status.code() {
+            Some(0) => serde_json::from_slice(&output.stdout)
+                .map(Some)
+                .map_err(|error| Violation(format!("no JSON: {error}"))),
+            Some(UNUSABLE_STORE | NOT_A_STORE) => Ok(None),
+            _ => Err(Violation(format!(
+                "{command:?} ended with {}: {}",
+                output.status,
+                String::from_utf8_lossy(&output.stderr)
+            ))),
+        }
     }
 
     /// The command that queries or steers a coordinator.

@@ -1,7 +1,7 @@
 """The example's simulator with failures that follow from a seed. Its numbers are the example's.
 
 A share of the designs fails once, in the middle of its samples, and one call of another kind fails once. Some of them kill
-the worker, or the coordinator that computes itself, instead.
+the worker, or the coordinator that computes itself, instead, and some give an absurd number.
 With a locked design, samples of that design fail until the file `licence` exists. What has failed is
 marked by a file in the working folder, so that all processes of a round fail together as often as one.
 
@@ -56,6 +56,8 @@ def fail(way):
         os.kill(os.getpid(), signal.SIGKILL)
     if way == 3:
         kill_the_worker()
+    if way == 4:
+        return {"delta_ste_um": 1e160}
     print("segmentation fault", flush=True)
     return {"error": "after nonsense"}
 
@@ -72,14 +74,14 @@ class Unreliable(simulator.Simulator):
         if kind != "sample":
             call = draws("call", kind, design)
             if call[0] < CALLS and is_first("failed-call"):
-                return fail(call[1] % 5)
+                return fail((0, 1, 2, 3, 5)[call[1] % 5])
             return None
         place, sample = draws("design", design), draws("sample", design, request["seed"])
         if LOCKED and abs(design["x_p"] - LOCKED[0]) < 1e-12 and not os.path.exists("licence"):
             if sample[0] < LOCKED[1] * 256:
                 return {"error": "no licence for this design"}
         if place[0] < DESIGNS and sample[1] < SAMPLES and is_first("failed-" + place.hex()[:16]):
-            return fail(place[1] % 5)
+            return fail(place[1] % 6)
         return None
 
 
