@@ -71,7 +71,11 @@ fn a_closed_terminal_stops_a_campaign_unless_it_runs_under_nohup() {
         status["samples"]["done"].as_u64().unwrap()
     };
     let run = ["run", file, "--db", "c.db", "--workers", "1"];
-    let running = sandbox.start_with("coordinator", &run, &[("PITCHLINE_LOG", "info")]);
+    let program = binary("coordinator");
+    let program = program.to_str().unwrap();
+    // The tests themselves may run under nohup.
+    let heeding = [&["--default-signal=HUP", program], &run[..]].concat();
+    let running = sandbox.start_with("/usr/bin/env", &heeding, &[("PITCHLINE_LOG", "info")]);
     let before = samples(0);
     running.signal("HUP");
     let (ended, said) = running.finish();
@@ -79,9 +83,8 @@ fn a_closed_terminal_stops_a_campaign_unless_it_runs_under_nohup() {
     assert!(said.contains("start the same command again"), "{said}");
 
     // nohup(1) starts a program with the signal ignored.
-    let program = binary("coordinator");
-    let ignoring = ["-c", "trap '' HUP; exec \"$@\"", "sh"];
-    let shell = [&ignoring[..], &[program.to_str().unwrap()], &run].concat();
+    let ignoring = ["-c", "trap '' HUP; exec \"$@\"", "sh", program];
+    let shell = [&ignoring[..], &run].concat();
     let running = sandbox.start("/bin/sh", &shell);
     let before = samples(before);
     running.signal("HUP");

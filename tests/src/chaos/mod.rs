@@ -316,9 +316,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn eighty_rounds_have_every_kind_of_campaign() {
+    fn a_hundred_rounds_have_every_kind_of_campaign() {
         for seed in 1..10 {
-            let drawn: Vec<Kind> = (0..80).map(|round| kind_of(seed, round)).collect();
+            let drawn: Vec<Kind> = (0..100).map(|round| kind_of(seed, round)).collect();
             for kind in Kind::ALL {
                 let count = drawn.iter().filter(|drawn| **drawn == kind).count();
                 assert!(count >= 3, "seed {seed}: {count} rounds of {kind:?}");

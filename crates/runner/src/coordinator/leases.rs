@@ -35,7 +35,7 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
         }
         last = now;
         if now >= patient_until {
-            record(board.expire(), recorder).await?;
+            record(board.expire(), false, recorder).await?;
         }
         // This line is reached only while the board's lock is available and the writer makes
         // progress.
@@ -43,9 +43,11 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
     }
 }
 
-/// Records what workers held when they died.
+/// Records what workers held when they died. Of several suspects that follow from what a worker held, and not from what it
+/// was computing, only the first gets a row: they may be hundreds, and the board remembers them.
 pub(crate) async fn record<R: Recorder>(
-    crashes: Vec<Crash>,
+    mut crashes: Vec<Crash>,
+    is_known: bool,
     recorder: &R,
 ) -> Result<(), store::Error> {
     if crashes.is_empty() {
@@ -55,6 +57,9 @@ pub(crate) async fn record<R: Recorder>(
         let jobs: Vec<String> = of_one.iter().take(NAMED).map(job).collect();
         let more = of_one.len() - jobs.len();
         warn!(worker = %of_one[0].worker, jobs = %jobs.join(", "), more, "a worker died while it held this");
+    }
+    if !is_known {
+        crashes.dedup_by(|b, a| a.worker == b.worker);
     }
     let batch = Batch {
         failures: crashes.into_iter().map(failure).collect(),

@@ -316,7 +316,7 @@ impl<R: Recorder> Service<R> {
         let begun = begun.flat_map(|(id, units)| units.into_iter().map(move |unit| (id, unit)));
         let begun: Vec<(LeaseId, Unit)> = begun.collect();
         let crashes = self.board.bury(&worker, &begun);
-        let recorded = leases::record(crashes, &self.recorder).await;
+        let recorded = leases::record(crashes, true, &self.recorder).await;
         recorded.map_err(|error| Status::unavailable(format!("not stored: {error}")))
     }
 
