@@ -106,7 +106,7 @@ pub(crate) enum Backend {
     /// The built-in gear model.
     BuiltIn,
     /// An external simulator.
-    External(Programs),
+    External(Box<Programs>),
 }
 
 /// The processes of an external simulator, one for each simultaneous job.
@@ -139,7 +139,7 @@ impl Backend {
         let name = &campaign.name;
         match (campaign.simulator.kind, exec) {
             (SimulatorKind::BuiltIn, None) => Ok(Self::BuiltIn),
-            (SimulatorKind::External, Some(exec)) => Ok(Self::External(Programs {
+            (SimulatorKind::External, Some(exec)) => Ok(Self::External(Box::new(Programs {
                 exec: exec.clone(),
                 idle: Mutex::new(Vec::new()),
                 version: OnceLock::new(),
@@ -149,7 +149,7 @@ impl Backend {
                 ability,
                 pauses: &PAUSES,
                 kept: Arc::default(),
-            })),
+            }))),
             (SimulatorKind::External, None) => Err(Error::WrongSimulator {
                 reason: format!(
                     "campaign {name} is simulated by an external program: start this worker with \
