@@ -159,7 +159,6 @@ async fn member(
             let request = HeartbeatRequest {
                 worker_id: worker_id.clone(),
                 held: Vec::new(),
-                died: Vec::new(),
             };
             let before = Instant::now();
             let answer = client.heartbeat(request).await?.into_inner();

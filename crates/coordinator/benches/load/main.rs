@@ -231,6 +231,7 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
         connect_timeout: Duration::from_secs(30),
         give_up_after: Duration::from_secs(30),
         undelivered: None,
+        journal: None,
         grace: Duration::from_secs(10),
         max_runtime: None,
         idle_exit: None,
