@@ -124,6 +124,7 @@ impl<P: Clone> Ledger<P> {
     fn hear(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
             state.last_heard = state.last_heard.max(now);
+            state.is_lost = false;
             if state.has_vanished {
                 self.exonerate(worker);
             }

@@ -61,6 +61,14 @@ impl<P: Clone> Ledger<P> {
         units.any(|unit| self.is_isolated(unit.stream))
     }
 
+    /// Records that a worker has no connection. No other worker gets a copy of what it holds, which may have killed it,
+    /// before it is known whether it [comes back](Self::heartbeat) or [has died](Self::vanish).
+    pub fn lose(&mut self, worker: &WorkerId) {
+        if let Some(state) = self.workers.known.get_mut(worker) {
+            state.is_lost = true;
+        }
+    }
+
     /// Ends the leases of a worker that has died, as far as can be told from outside. All of them were open. If the
     /// worker calls again, the deaths are taken back, and it goes on with what is still needed.
     pub fn vanish(&mut self, worker: &WorkerId, now: Duration) -> Vec<Crash> {

@@ -224,7 +224,8 @@ impl<P: Clone> Ledger<P> {
         let old = old.take_while(|(granted, _)| now.saturating_sub(*granted) >= patience);
         for &(_, id) in old {
             let lease = self.leases.get(&id)?;
-            if lease.worker == *worker {
+            let holder = self.workers.known.get(&lease.worker);
+            if lease.worker == *worker || holder.is_some_and(|holder| holder.is_lost) {
                 continue;
             }
             let mut units = self.needed(&lease.units);

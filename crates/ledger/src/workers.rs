@@ -33,6 +33,8 @@ pub(crate) struct Worker {
     pub(crate) last_seen: Duration,
     /// The last call that only a living worker makes.
     pub(crate) last_heard: Duration,
+    /// Whether it has no connection and has not called since.
+    pub(crate) is_lost: bool,
     /// Whether it was taken for dead and has not called since.
     pub(crate) has_vanished: bool,
 }
@@ -54,6 +56,7 @@ impl Worker {
             crashed: 0,
             last_seen: Duration::ZERO,
             last_heard: Duration::ZERO,
+            is_lost: false,
             has_vanished: false,
         }
     }

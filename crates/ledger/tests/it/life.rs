@@ -1,8 +1,9 @@
 //! The life of streams and leases, case by case.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::time::Duration;
 
-use ledger::{Delivery, Failure, Generation, Grant, Ledger, Options, StreamId, Verdict};
+use ledger::{Delivery, Failure, Generation, Grant, Ledger, Options, StreamId, Verdict, WorkerId};
 
 use crate::{LEASE, all_of, at, beat, failure_of, lease_all, ledger, units, wanted, worker};
 
@@ -57,10 +58,15 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
     assert!(rest.lease.number > grant.lease.number);
 }
 
-/// A worker that computes its leases in order, as many at a time as it has slots, and dies with a deadly design.
-/// Another is started at once; what the dead one held is free 2.5 s after its death.
-fn deaths_of(slots: usize, deadly: &[StreamId]) -> (usize, BTreeSet<StreamId>) {
-    let mut ledger = ledger(Options::default(), 20, 25, &[]);
+/// A worker that computes its leases in order, as many at a time as it has slots, and dies with a deadly design. Its
+/// connection is lost at once, another is started at once, and what the dead one held is free 2.5 s after its death.
+fn deaths_of(
+    slots: usize,
+    deadly: &[StreamId],
+    is_replaced_at_once: bool,
+) -> (usize, BTreeSet<StreamId>) {
+    let mut ledger = ledger(Options::default(), 30, 4, &[]);
+    let mut dying: VecDeque<(Duration, WorkerId)> = VecDeque::new();
     let mut deaths = 0;
     let mut now = at(0.0);
     loop {
@@ -68,6 +74,9 @@ fn deaths_of(slots: usize, deadly: &[StreamId]) -> (usize, BTreeSet<StreamId>) {
         ledger.register(&worker(&name), "here", slots, now);
         let mut held: VecDeque<Grant<()>> = VecDeque::new();
         loop {
+            while let Some((until, dead)) = dying.pop_front_if(|(until, _)| *until <= now) {
+                ledger.vanish(&dead, until);
+            }
             // It holds some leases ahead.
             while held.len() < slots + 2
                 && let Some(grant) = ledger.lease(&worker(&name), now)
@@ -78,37 +87,49 @@ fn deaths_of(slots: usize, deadly: &[StreamId]) -> (usize, BTreeSet<StreamId>) {
             if begun.any(|unit| deadly.contains(&unit.stream)) {
                 break;
             }
-            let Some(grant) = held.pop_front() else {
-                let quarantined = ledger.quarantined().map(|(id, _)| id);
-                return (deaths, quarantined.collect());
-            };
-            now += at(0.01);
-            ledger.deliver(&worker(&name), grant.lease, &all_of(&grant), now);
+            now += at(0.1);
+            match held.pop_front() {
+                Some(grant) => {
+                    ledger.deliver(&worker(&name), grant.lease, &all_of(&grant), now);
+                }
+                None if dying.is_empty() && ledger.counts().free == 0 => {
+                    let quarantined = ledger.quarantined().map(|(id, _)| id);
+                    return (deaths, quarantined.collect());
+                }
+                None => {}
+            }
         }
         deaths += 1;
-        now += at(2.5);
-        ledger.vanish(&worker(&name), now);
+        ledger.lose(&worker(&name));
+        dying.push_back((now + at(2.5), worker(&name)));
+        now += at(if is_replaced_at_once { 0.1 } else { 3.0 });
         ledger.check();
-        assert!(deaths < 100, "it never ends");
+        assert!(deaths < 200, "it never ends");
     }
 }
 
 #[test]
 fn a_design_that_kills_its_workers_kills_few_of_them_and_takes_no_other_along() {
-    for slots in [1, 2, 16] {
-        for deadly in 0..20 {
+    for (slots, at_once) in [1, 2, 16]
+        .into_iter()
+        .flat_map(|slots| [(slots, true), (slots, false)])
+    {
+        for deadly in 0..30 {
             let deadly = [StreamId::design(deadly)];
-            let (deaths, quarantined) = deaths_of(slots, &deadly);
+            let (deaths, quarantined) = deaths_of(slots, &deadly, at_once);
             assert!(
                 deaths <= 5,
-                "{deaths} workers of {slots} slots died on {deadly:?}"
+                "{deaths} workers of {slots} slots died on {deadly:?}, at once: {at_once}"
             );
             assert_eq!(quarantined, BTreeSet::from(deadly));
         }
-        for several in [vec![0, 1, 2], vec![3, 9, 17], (2..13).collect()] {
+        for several in [vec![0, 1, 2], vec![3, 9, 17], (3..14).collect()] {
             let deadly: Vec<StreamId> = several.into_iter().map(StreamId::design).collect();
-            let (deaths, quarantined) = deaths_of(slots, &deadly);
-            assert!(deaths <= 5 * deadly.len(), "{deaths} for {deadly:?}");
+            let (deaths, quarantined) = deaths_of(slots, &deadly, at_once);
+            assert!(
+                deaths <= 5 * deadly.len(),
+                "{deaths} workers of {slots} slots died on {deadly:?}, at once: {at_once}"
+            );
             assert_eq!(quarantined, deadly.into_iter().collect());
         }
     }

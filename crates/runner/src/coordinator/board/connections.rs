@@ -52,12 +52,14 @@ impl Board {
 impl Drop for Connection {
     fn drop(&mut self) {
         let until = self.board.now() + RETURN;
-        let connections = &mut self.board.lock().connections;
+        let inner = &mut *self.board.lock();
+        let connections = &mut inner.connections;
         if let Some(open) = connections.open.get_mut(&self.worker) {
             *open -= 1;
             if *open == 0 {
                 connections.open.remove(&self.worker);
                 connections.lost.insert(self.worker.clone(), until);
+                inner.ledger.lose(&self.worker);
             }
         }
     }
