@@ -39,6 +39,8 @@ impl<P: Clone> Ledger<P> {
         }
         let end = wanted.samples;
         let mut history = wanted.history;
+        let is_missing = |first| missing.iter().any(|range| range.contains(&first));
+        history.deaths.retain(|_, death| is_missing(death.first));
         if id.kind == Kind::Run {
             // Its failures were of candidates that have their results by now.
             history.failures = 0;

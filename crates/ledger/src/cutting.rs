@@ -96,12 +96,13 @@ impl<P: Clone> Ledger<P> {
         units
     }
 
-    /// The stream that a worker gets next. Those that it has failed come after others, and those that are computed alone
+    /// The stream that a worker gets next; none of those that other workers have to compute, or that are in doubt. Those that it has failed come after others, and those that are computed alone
     /// come last, since the worker must first have delivered everything else.
     fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
         let state = self.workers.known.get(worker)?;
         let is_for_others = |id: &StreamId| {
             self.has_failed_enough(*id, &state.host) && self.other_machines(worker, now)
+                || self.awaits_a_verdict(*id)
         };
         let rank = |id: StreamId| (self.is_isolated(id), state.strikes.contains(&id));
         let mut best = None;

@@ -5,8 +5,8 @@
 //! at two deaths is computed alone: by a worker that holds nothing else, once other work is leased. The next death then
 //! shows whether it was the cause, and costs no other stream anything.
 //!
-//! Deaths count by the first sample of the unit that was held: two deaths with a success in between have different
-//! causes, for example a machine that is switched off every evening.
+//! Deaths count by the first sample of the unit that was held, and are forgotten when it is stored: two deaths with a
+//! success in between have different causes, for example a machine that is switched off every evening.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -46,6 +46,18 @@ impl<P: Clone> Ledger<P> {
     pub(crate) fn is_isolated(&self, id: StreamId) -> bool {
         let stream = self.streams.get(&id);
         stream.is_some_and(|stream| !stream.deaths.is_empty() && stream.is_isolated())
+    }
+
+    /// Whether a stream is held in a way that may be about to kill its worker, so that a second one must not begin with it:
+    /// by a worker without a connection, or alone.
+    pub(crate) fn awaits_a_verdict(&self, id: StreamId) -> bool {
+        let holders = self.holders(id);
+        let is_lost = |id: &LeaseId| {
+            let lease = self.leases.get(id);
+            let holder = lease.and_then(|lease| self.workers.known.get(&lease.worker));
+            holder.is_some_and(|holder| holder.is_lost)
+        };
+        !holders.is_empty() && (self.is_isolated(id) || holders.iter().any(is_lost))
     }
 
     /// Whether the worker holds a stream that is computed alone.

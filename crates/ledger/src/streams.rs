@@ -58,6 +58,8 @@ impl<P: Clone> Ledger<P> {
         }
         subtract(&mut stream.missing, &unit.samples);
         subtract(&mut stream.free, &unit.samples);
+        let deaths = &mut stream.deaths;
+        deaths.retain(|_, death| !unit.samples.contains(&death.first));
         let settled = stream.failing.keys().copied();
         let settled = settled.filter(|sample| sample.is_some_and(|s| unit.samples.contains(&s)));
         for sample in settled.collect::<Vec<_>>() {

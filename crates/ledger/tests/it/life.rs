@@ -65,7 +65,11 @@ fn deaths_of(
     deadly: &[StreamId],
     is_replaced_at_once: bool,
 ) -> (usize, BTreeSet<StreamId>) {
-    let mut ledger = ledger(Options::default(), 30, 4, &[]);
+    let options = Options {
+        long_samples: true,
+        ..Options::default()
+    };
+    let mut ledger = ledger(options, 30, 4, &[]);
     let mut dying: VecDeque<(Duration, WorkerId)> = VecDeque::new();
     let mut deaths = 0;
     let mut now = at(0.0);
