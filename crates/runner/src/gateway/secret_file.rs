@@ -12,6 +12,7 @@ use crate::gateway::error::Error;
 
 /// Maximum size of a file, in bytes.
 const LARGEST: u64 = 1 << 20;
+
 /// Reads the file at `path`.
 pub(crate) fn read(path: &Path) -> Result<String, Error> {
     let unreadable = |reason: io::Error| match reason.kind() {
@@ -44,11 +45,12 @@ pub(crate) fn open(path: &Path) -> Result<File, Error> {
     store::open_own_file(path, None).map_err(|reason| write_error(path, reason))
 }
 
-/// Rewrites the file at `path` in place, so that a lock on it stays.
+/// Rewrites the file at `path` in place, so that a lock on it stays. A process that is killed leaves the old text or the new one if
+/// both have one length: the file is not emptied in between.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), Error> {
     let mut file = open(path)?;
-    file.set_len(0)
-        .and_then(|()| file.write_all(text.as_bytes()))
+    file.write_all(text.as_bytes())
+        .and_then(|()| file.set_len(text.len() as u64))
         .and_then(|()| file.sync_all())
         .map_err(|reason| write_error(path, reason))
 }
