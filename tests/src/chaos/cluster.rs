@@ -321,10 +321,12 @@ impl Cluster {
         Ok(())
     }
 
-    /// Opens more connections to the page than it has places, in place of the last ones.
+    /// Opens more connections to the page than it has places, in place of the last ones. A coordinator that is stopped
+    /// accepts none beyond its backlog.
     fn annoy(&mut self) {
         let open = |_| {
-            let mut stream = TcpStream::connect(self.http).ok()?;
+            let mut stream =
+                TcpStream::connect_timeout(&self.http, Duration::from_millis(300)).ok()?;
             stream.write_all(b"GET / HTTP/1.1\r\nHost:").ok()?;
             Some(stream)
         };
