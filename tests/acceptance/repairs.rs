@@ -241,6 +241,6 @@ fn discarded_results_are_computed_again() {
             assert_eq!(after[key], before[key], "{what:?}: {key}");
         }
     }
-    let nothing = counted(["--worker", "nobody"], true);
+    let nothing = counted(["--worker", "unknown"], true);
     assert_eq!(nothing["samples"], 0);
 }

@@ -298,7 +298,7 @@ pub(crate) struct Discard {
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 pub(crate) struct DiscardTarget {
-    /// Samples and criteria of the design with this number
+    /// Samples, criteria and recorded failures of the design with this number
     #[arg(long, value_name = "N")]
     pub(crate) design: Option<u32>,
     /// Everything that came from this worker, or from all workers of this host

@@ -125,10 +125,10 @@ impl<P: Clone> Ledger<P> {
     /// death.
     fn hear(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
-            state.last_heard = state.last_heard.max(now);
-            state.is_lost = false;
-            if state.has_vanished {
-                self.exonerate(worker);
+            state.last_sign_of_life = state.last_sign_of_life.max(now);
+            state.is_disconnected = false;
+            if state.is_dead {
+                self.take_deaths_back(worker);
             }
         }
     }
@@ -199,7 +199,7 @@ impl<P: Clone> Ledger<P> {
     /// Extends the leases that a worker holds and returns those that are no longer needed.
     ///
     /// A lease that expired meanwhile is taken up again, unless other leases cover its samples.
-    /// [`vanish`](Self::vanish) is undone.
+    /// [`mark_dead`](Self::mark_dead) is undone.
     pub fn heartbeat(
         &mut self,
         worker: &WorkerId,
@@ -321,25 +321,25 @@ impl<P: Clone> Ledger<P> {
         (failures.collect(), suspended)
     }
 
-    /// Ends the expired leases. A worker that was silent meanwhile has [vanished](Self::vanish), with all that it
-    /// held. One that calls but does not name the lease never got it.
+    /// Ends the expired leases. A worker that was silent meanwhile [counts as dead](Self::mark_dead). A worker that
+    /// calls without naming the lease never got it.
     pub fn expire(&mut self, now: Duration) -> Vec<Crash> {
         self.wake(now);
         let mut crashes = Vec::new();
         while let Some(&(expires, id)) = self.expiries.first()
             && expires <= now
         {
-            let Some(worker) = self.leases.get(&id).map(|lease| lease.worker.clone()) else {
-                self.expiries.pop_first();
-                continue;
+            let worker = self.leases.get(&id).map(|lease| lease.worker.clone());
+            let is_silent = |worker: &WorkerId| {
+                let state = self.workers.known.get(worker);
+                let silence = state.map(|state| now.saturating_sub(state.last_sign_of_life));
+                silence.is_some_and(|silence| silence >= self.options.lease / 2)
             };
-            let heard = self.workers.known.get(&worker);
-            let heard = heard.map_or(Duration::ZERO, |state| state.last_heard);
-            if now.saturating_sub(heard) < self.options.lease / 2 {
+            if let Some(dead) = worker.filter(is_silent) {
+                crashes.extend(self.mark_dead(&dead, now));
+            } else {
                 let lease = self.end(id);
                 self.lapsed.extend(lease.map(|lease| (id, lease)));
-            } else {
-                crashes.extend(self.vanish(&worker, now));
             }
         }
         self.clean(now);

@@ -60,11 +60,12 @@ impl<P: Clone> Ledger<P> {
             let Some(stream) = self.streams.get(&id) else {
                 continue;
             };
-            let is_alone = !stream.deaths.is_empty()
+            let is_single = !stream.deaths.is_empty()
                 || !stream.failing.is_empty()
                 || id.kind != Kind::Design
                 || !self.options.bundle;
-            if !units.is_empty() && (is_alone || id.kind != first.kind || has_failed(&id)) {
+            let is_left_out = has_failed(&id) || self.is_in_doubt(id);
+            if !units.is_empty() && (is_single || id.kind != first.kind || is_left_out) {
                 break;
             }
             let Some(range) = stream.free.first() else {
@@ -89,20 +90,21 @@ impl<P: Clone> Ledger<P> {
             });
             weight += take + self.design_weight();
             samples += take;
-            if is_alone || weight >= target {
+            if is_single || weight >= target {
                 break;
             }
         }
         units
     }
 
-    /// The stream that a worker gets next; none of those that other workers have to compute, or that are in doubt. Those that it has failed come after others, and those that are computed alone
-    /// come last, since the worker must first have delivered everything else.
+    /// The stream that a worker gets next. Streams that it has failed come after others, and isolated streams come last, since
+    /// the worker must first have delivered everything else. Streams that only another machine may compute, and those in
+    /// doubt, are left out.
     fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
         let state = self.workers.known.get(worker)?;
         let is_for_others = |id: &StreamId| {
             self.has_failed_enough(*id, &state.host) && self.other_machines(worker, now)
-                || self.awaits_a_verdict(*id)
+                || self.is_in_doubt(*id)
         };
         let rank = |id: StreamId| (self.is_isolated(id), state.strikes.contains(&id));
         let mut best = None;

@@ -50,14 +50,14 @@ impl<P: Clone> Ledger<P> {
 
     /// Whether a stream is held in a way that may be about to kill its worker, so that a second one must not begin with it:
     /// by a worker without a connection, or alone.
-    pub(crate) fn awaits_a_verdict(&self, id: StreamId) -> bool {
+    pub(crate) fn is_in_doubt(&self, id: StreamId) -> bool {
         let holders = self.holders(id);
-        let is_lost = |id: &LeaseId| {
+        let is_disconnected = |id: &LeaseId| {
             let lease = self.leases.get(id);
             let holder = lease.and_then(|lease| self.workers.known.get(&lease.worker));
-            holder.is_some_and(|holder| holder.is_lost)
+            holder.is_some_and(|holder| holder.is_disconnected)
         };
-        !holders.is_empty() && (self.is_isolated(id) || holders.iter().any(is_lost))
+        !holders.is_empty() && (self.is_isolated(id) || holders.iter().any(is_disconnected))
     }
 
     /// Whether the worker holds a stream that is computed alone.
@@ -74,20 +74,20 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Records that a worker has no connection. No other worker gets a copy of what it holds, which may have killed it,
-    /// before it is known whether it [comes back](Self::heartbeat) or [has died](Self::vanish).
-    pub fn lose(&mut self, worker: &WorkerId) {
+    /// before it is known whether it [comes back](Self::heartbeat) or [has died](Self::mark_dead).
+    pub fn mark_disconnected(&mut self, worker: &WorkerId) {
         if let Some(state) = self.workers.known.get_mut(worker) {
-            state.is_lost = true;
+            state.is_disconnected = true;
         }
     }
 
     /// Ends the leases of a worker that has died, as far as can be told from outside. All of them were open. If the
     /// worker calls again, the deaths are taken back, and it goes on with what is still needed.
-    pub fn vanish(&mut self, worker: &WorkerId, now: Duration) -> Vec<Crash> {
+    pub fn mark_dead(&mut self, worker: &WorkerId, now: Duration) -> Vec<Crash> {
         let Some(state) = self.workers.known.get_mut(worker) else {
             return Vec::new();
         };
-        state.has_vanished = true;
+        state.is_dead = true;
         let is_leaving = state.is_leaving;
         let held: Vec<LeaseId> = state.held.iter().copied().collect();
         let mut open = Vec::new();
@@ -100,15 +100,15 @@ impl<P: Clone> Ledger<P> {
         self.clean(now);
         match is_leaving {
             true => Vec::new(),
-            false => self.blame(worker, open),
+            false => self.count_death(worker, open),
         }
     }
 
     /// Counts the death of a worker that left a note of what it was computing. This replaces what
-    /// [`vanish`](Self::vanish) has counted for it. Units that are not missing any more are left out; those of streams
+    /// [`mark_dead`](Self::mark_dead) has counted for it. Units that are not missing any more are left out; those of streams
     /// that are not wanted yet are returned, for their [`History`](crate::History).
-    pub fn bury(&mut self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
-        self.exonerate(worker);
+    pub fn record_death(&mut self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
+        self.take_deaths_back(worker);
         if let Some(state) = self.workers.known.remove(worker) {
             for id in state.held {
                 self.end(id);
@@ -121,11 +121,11 @@ impl<P: Clone> Ledger<P> {
             false => !self.settled.contains_key(&unit.stream),
         };
         let open = begun.iter().filter(|(_, unit)| is_open(unit)).cloned();
-        self.blame(worker, open.collect())
+        self.count_death(worker, open.collect())
     }
 
     /// Counts a death against the streams of the units that were open.
-    fn blame(&mut self, worker: &WorkerId, open: Vec<(LeaseId, Unit)>) -> Vec<Crash> {
+    fn count_death(&mut self, worker: &WorkerId, open: Vec<(LeaseId, Unit)>) -> Vec<Crash> {
         let mut first_of: BTreeMap<StreamId, (LeaseId, u32)> = BTreeMap::new();
         for (lease, unit) in open {
             let first = first_of.entry(unit.stream);
@@ -143,13 +143,13 @@ impl<P: Clone> Ledger<P> {
             worker: worker.clone(),
             stream,
             death: Death { is_alone, first },
-            quarantined: self.die(worker, stream, Death { is_alone, first }),
+            quarantined: self.count_against(worker, stream, Death { is_alone, first }),
         };
         first_of.into_iter().map(crash).collect()
     }
 
     /// Counts a death against a stream. Returns whether that quarantined the stream.
-    fn die(&mut self, worker: &WorkerId, id: StreamId, death: Death) -> bool {
+    fn count_against(&mut self, worker: &WorkerId, id: StreamId, death: Death) -> bool {
         let Some(stream) = self.streams.get_mut(&id) else {
             return false;
         };
@@ -165,9 +165,9 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Takes the deaths of a worker back that was only silent.
-    pub(crate) fn exonerate(&mut self, worker: &WorkerId) {
+    pub(crate) fn take_deaths_back(&mut self, worker: &WorkerId) {
         if let Some(state) = self.workers.known.get_mut(worker) {
-            state.has_vanished = false;
+            state.is_dead = false;
         }
         let has_died_on = |stream: &Stream<P>| stream.deaths.contains_key(worker);
         let of_it = self.streams.iter();

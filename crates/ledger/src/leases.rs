@@ -225,7 +225,7 @@ impl<P: Clone> Ledger<P> {
         for &(_, id) in old {
             let lease = self.leases.get(&id)?;
             let holder = self.workers.known.get(&lease.worker);
-            if lease.worker == *worker || holder.is_some_and(|holder| holder.is_lost) {
+            if lease.worker == *worker || holder.is_some_and(|holder| holder.is_disconnected) {
                 continue;
             }
             let mut units = self.needed(&lease.units);

@@ -32,11 +32,11 @@ pub(crate) struct Worker {
     pub(crate) crashed: u64,
     pub(crate) last_seen: Duration,
     /// The last call that only a living worker makes.
-    pub(crate) last_heard: Duration,
+    pub(crate) last_sign_of_life: Duration,
     /// Whether it has no connection and has not called since.
-    pub(crate) is_lost: bool,
+    pub(crate) is_disconnected: bool,
     /// Whether it was taken for dead and has not called since.
-    pub(crate) has_vanished: bool,
+    pub(crate) is_dead: bool,
 }
 
 impl Worker {
@@ -55,9 +55,9 @@ impl Worker {
             failed: 0,
             crashed: 0,
             last_seen: Duration::ZERO,
-            last_heard: Duration::ZERO,
-            is_lost: false,
-            has_vanished: false,
+            last_sign_of_life: Duration::ZERO,
+            is_disconnected: false,
+            is_dead: false,
         }
     }
 
@@ -162,7 +162,7 @@ impl Workers {
         now: Duration,
     ) -> impl Iterator<Item = &Worker> {
         let is_present = move |worker: &&Worker| {
-            !worker.has_vanished && now.saturating_sub(worker.last_seen) <= recently
+            !worker.is_dead && now.saturating_sub(worker.last_seen) <= recently
         };
         self.known.values().filter(is_present)
     }

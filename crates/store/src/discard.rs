@@ -9,12 +9,12 @@ use crate::blocks::Streams;
 use crate::connection::Connection;
 use crate::derived::{self, DerivedResult};
 use crate::values::StreamKey;
-use crate::{criteria, evaluations, origins, runs, samples};
+use crate::{criteria, evaluations, failures, origins, runs, samples};
 
 /// The results to remove.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Discard {
-    /// Samples and criteria of the design with this number.
+    /// Samples and criteria of the design with this number, and its recorded failures.
     Design(u32),
     /// Everything that came from the worker of this name, or from any worker of the host of this name.
     Worker(String),
@@ -56,6 +56,8 @@ async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<Disca
     let stream = StreamId::design(design);
     let held = samples::of(connection, stream).await?.len() as u64;
     samples::remove(connection, Streams::One(stream)).await?;
+    // They are about results that are gone, such as a contradiction of two workers.
+    failures::remove_of(connection, stream).await?;
     Ok(Discarded {
         samples: held,
         criteria: criteria::remove_of_design(connection, design).await?,

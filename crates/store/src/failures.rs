@@ -203,7 +203,29 @@ async fn count(connection: &mut Connection<'_>, new: &Numbered) -> Result<(), Er
     connection.execute(query).await.map(drop)
 }
 
+/// Removes the failures of a stream, and counts the others again.
+pub(crate) async fn remove_of(
+    connection: &mut Connection<'_>,
+    stream: StreamId,
+) -> Result<(), Error> {
+    let all = numbered(connection).await?;
+    let stream_key = key(stream);
+    let tallies = sqlx::query!("DELETE FROM failure_tally");
+    connection.execute(tallies).await?;
+    let rows = sqlx::query!("DELETE FROM failure WHERE stream = ?", stream_key);
+    connection.execute(rows).await?;
+    for kept in all.iter().filter(|one| one.row.stream != stream) {
+        count(connection, kept).await?;
+    }
+    Ok(())
+}
+
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRow>, Error> {
+    let numbered = numbered(connection).await?.into_iter();
+    Ok(numbered.map(|one| one.row).collect())
+}
+
+async fn numbered(connection: &mut Connection<'_>) -> Result<Vec<Numbered>, Error> {
     let query = sqlx::query!(
         r#"SELECT failure, stream AS "stream: StreamKey", sample AS "sample: u32", shared AS "shared: bool",
                   lease AS "lease: u32", worker, serial, kind AS "kind: FailureKind", error, at_unix_ms, seal
@@ -223,8 +245,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRo
             at_unix_ms: stored.at_unix_ms,
         };
         let failure = stored.failure;
-        let numbered = Numbered { failure, row };
-        Ok(connection.check(numbered, stored.seal)?.row)
+        connection.check(Numbered { failure, row }, stored.seal)
     });
     failures.collect()
 }

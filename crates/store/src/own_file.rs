@@ -4,7 +4,7 @@ use std::fs::{self, File, Metadata, OpenOptions};
 use std::io;
 use std::path::Path;
 
-/// Opens a file for reading and writing that nobody but this program's user could have put there, or creates it with
+/// Opens a file for reading and writing that only this program's user can have created, or creates it with
 /// mode 600. In a folder that others can write to, a name may lead to any file.
 ///
 /// The owner of `beside` is accepted, too: a store may belong to another user than its coordinator's.

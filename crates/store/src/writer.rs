@@ -322,7 +322,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn a_lock_that_is_not_released_is_blamed_on_another_program() {
+    async fn a_lock_of_another_program_that_is_not_released_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("campaign.db");
         filled(&path, 1).await;

@@ -161,7 +161,7 @@ async fn engine(
     }
     let options = board::options(problem.campaign());
     let board = Arc::new(Board::new(options, rand::random()));
-    // What workers died on is of no use here: nobody knows which parts of a shard are computed at the same time.
+    // Suspects cannot be computed alone here: the coordinator does not know which parts of a shard run at the same time.
     let mut histories = store.stream_histories().await?;
     histories
         .values_mut()

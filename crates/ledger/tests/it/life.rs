@@ -79,7 +79,7 @@ fn deaths_of(
         let mut held: VecDeque<Grant<()>> = VecDeque::new();
         loop {
             while let Some((until, dead)) = dying.pop_front_if(|(until, _)| *until <= now) {
-                ledger.vanish(&dead, until);
+                ledger.mark_dead(&dead, until);
             }
             // It holds some leases ahead.
             while held.len() < slots + 2
@@ -104,7 +104,7 @@ fn deaths_of(
             }
         }
         deaths += 1;
-        ledger.lose(&worker(&name));
+        ledger.mark_disconnected(&worker(&name));
         dying.push_back((now + at(2.5), worker(&name)));
         now += at(if is_replaced_at_once { 0.1 } else { 3.0 });
         ledger.check();
@@ -147,7 +147,7 @@ fn a_worker_that_was_only_silent_takes_its_deaths_back() {
     };
     let mut ledger = ledger(options, 1, 10, &["a"]);
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    let [crash] = &ledger.vanish(&worker("a"), at(3.0))[..] else {
+    let [crash] = &ledger.mark_dead(&worker("a"), at(3.0))[..] else {
         panic!("one stream")
     };
     assert!(crash.quarantined && crash.death.is_alone);
@@ -162,11 +162,11 @@ fn a_note_of_what_was_begun_replaces_what_was_guessed() {
     let mut ledger = ledger(alone(), 3, 10, &["a"]);
     ledger.register(&worker("a"), "here", 3, at(0.0));
     let held = lease_all(&mut ledger, "a", at(0.0));
-    assert_eq!(ledger.vanish(&worker("a"), at(3.0)).len(), 3);
+    assert_eq!(ledger.mark_dead(&worker("a"), at(3.0)).len(), 3);
     let begun = [(held[1].lease, units(&held[1])[0].clone())];
     for _ in 0..2 {
         // The note may come twice.
-        let [crash] = &ledger.bury(&worker("a"), &begun)[..] else {
+        let [crash] = &ledger.record_death(&worker("a"), &begun)[..] else {
             panic!("one stream")
         };
         assert_eq!(crash.stream, StreamId::design(1));
@@ -197,7 +197,7 @@ fn deaths_with_a_success_in_between_are_not_the_streams_fault() {
         ledger.lease(&worker(&name), now);
         assert!(
             ledger
-                .vanish(&worker(&name), now + at(3.0))
+                .mark_dead(&worker(&name), now + at(3.0))
                 .iter()
                 .all(|crash| !crash.quarantined)
         );
@@ -206,7 +206,7 @@ fn deaths_with_a_success_in_between_are_not_the_streams_fault() {
 }
 
 #[test]
-fn a_lease_that_its_worker_never_got_is_nobodys_death() {
+fn a_lease_that_its_worker_never_got_counts_as_no_death() {
     let mut ledger = ledger(alone(), 1, 10, &["a"]);
     ledger.lease(&worker("a"), at(0.0)).unwrap();
     for beats in 1..8 {

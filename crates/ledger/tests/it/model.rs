@@ -44,8 +44,8 @@ enum Call {
         which: usize,
     },
     Leave(usize),
-    Vanish(usize),
-    Bury(usize),
+    MarkDead(usize),
+    RecordDeath(usize),
     /// Time passes, in lease times.
     Pass(f64),
     Drain(bool),
@@ -68,8 +68,8 @@ fn call() -> impl Strategy<Value = Call> {
         3 => (who.clone(), which.clone()).prop_map(|(who, which)| Call::Fail { who, which }),
         2 => (who.clone(), which).prop_map(|(who, which)| Call::Release { who, which }),
         1 => who.clone().prop_map(Call::Leave),
-        2 => who.clone().prop_map(Call::Vanish),
-        1 => who.prop_map(Call::Bury),
+        2 => who.clone().prop_map(Call::MarkDead),
+        1 => who.prop_map(Call::RecordDeath),
         4 => (0.0..1.5).prop_map(Call::Pass),
         1 => any::<bool>().prop_map(Call::Drain),
         1 => Just(Call::Retry),
@@ -192,7 +192,7 @@ impl World {
         self.log.push(format!("{answer:?}"));
     }
 
-    fn mourn(&mut self, crashes: Vec<Crash>) {
+    fn check_crashes(&mut self, crashes: Vec<Crash>) {
         for crash in crashes {
             if crash.death.is_alone {
                 let died = self.died_alone.entry(crash.stream).or_default();
@@ -278,19 +278,19 @@ impl World {
             Call::Pass(leases) => {
                 self.now += LEASE.mul_f64(leases);
                 let crashes = self.ledger.expire(self.now);
-                self.mourn(crashes);
+                self.check_crashes(crashes);
             }
-            Call::Vanish(who) => {
-                let crashes = self.ledger.vanish(&name(who), self.now);
-                self.mourn(crashes);
+            Call::MarkDead(who) => {
+                let crashes = self.ledger.mark_dead(&name(who), self.now);
+                self.check_crashes(crashes);
             }
-            Call::Bury(who) => {
+            Call::RecordDeath(who) => {
                 let held = self.held[who].iter();
                 let begun =
                     held.flat_map(|grant| units(grant).into_iter().map(|unit| (grant.lease, unit)));
                 let begun: Vec<(LeaseId, Unit)> = begun.take(1).collect();
-                let crashes = self.ledger.bury(&name(who), &begun);
-                self.mourn(crashes);
+                let crashes = self.ledger.record_death(&name(who), &begun);
+                self.check_crashes(crashes);
                 self.held[who].clear();
                 self.ledger.register(&name(who), "here", 2, self.now);
             }

@@ -6,7 +6,7 @@
 //! that permits it, no browser lets another site read an answer.
 //!
 //! Everybody on the machine can also connect: the number of connections and the time for a request are
-//! limited, so that nobody keeps the page from others or the store from its files.
+//! limited, so that strangers cannot block the page or use up the open files.
 
 use std::convert::Infallible;
 use std::net::IpAddr;

@@ -74,15 +74,15 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
             )));
         }
         self.require_open()?;
-        for dead in &request.died {
-            self.bury(dead).await?;
-        }
         // A worker's first call only asks for the campaign. The call that brings the digest of its
         // simulator registers it.
         let mut cancelled = Vec::new();
         if !request.model_digest.is_empty() {
             self.check_model(&request.worker_id, &request.model_digest)
                 .await?;
+            for dead in &request.died {
+                self.record_death(dead).await?;
+            }
             let held = request.held.iter().map(|held| {
                 let units: Result<Vec<Unit>, _> = held.units.iter().map(Unit::try_from).collect();
                 // A lease with malformed units is registered without units and thus cancelled.
@@ -304,7 +304,7 @@ impl<R: Recorder> Service<R> {
     }
 
     /// Counts the death of a former worker of the caller's machine.
-    async fn bury(&self, dead: &DeadWorker) -> Result<(), Status> {
+    async fn record_death(&self, dead: &DeadWorker) -> Result<(), Status> {
         let worker = WorkerId::from(dead.worker_id.as_str());
         let begun = dead.begun.iter().filter_map(|begun| {
             let units = begun
@@ -315,9 +315,9 @@ impl<R: Recorder> Service<R> {
         });
         let begun = begun.flat_map(|(id, units)| units.into_iter().map(move |unit| (id, unit)));
         let begun: Vec<(LeaseId, Unit)> = begun.collect();
-        let crashes = self.board.bury(&worker, &begun);
+        let crashes = self.board.record_death(&worker, &begun);
         let recorded = leases::record(crashes, true, &self.recorder).await;
-        recorded.map_err(|error| Status::unavailable(format!("not stored: {error}")))
+        recorded.map_err(|error| not_stored(&error))
     }
 
     /// Refuses calls until the first plan is posted, shortly after the start.

@@ -20,4 +20,5 @@ pub use error::Error;
 pub use part::{Header, Part};
 pub use service::Service;
 pub use shard::Shard;
+pub(crate) use undelivered::unlocked;
 pub use undelivered::{OrphanFile, UndeliveredFile};

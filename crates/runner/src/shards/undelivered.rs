@@ -107,37 +107,46 @@ impl OrphanFile {
     /// of files that cannot be used. A folder that does not exist has no files.
     #[must_use]
     pub fn all(folder: &Path) -> Vec<Result<Self, Error>> {
-        let Ok(entries) = fs::read_dir(folder) else {
-            return Vec::new();
+        let is_part = |name: &str| {
+            let ending = name.rsplit_once('.').map(|(_, ending)| ending);
+            !name.starts_with('.') && ending == Some(ENDING)
         };
-        let mut paths: Vec<PathBuf> = entries
-            .filter_map(|entry| Some(entry.ok()?.path()))
-            .filter(|path| {
-                let is_whole = !path
-                    .file_name()
-                    .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-                is_whole && path.extension().is_some_and(|ending| ending == ENDING)
-            })
-            .collect();
-        paths.sort_unstable();
-        paths.iter().filter_map(|path| Self::open(path)).collect()
-    }
-
-    fn open(path: &Path) -> Option<Result<Self, Error>> {
-        // Another worker may have removed it.
-        let lock = File::open(path).ok()?;
-        lock.try_lock().ok()?;
-        // Delivered and removed before it was locked.
-        if !path.exists() {
-            return None;
-        }
-        Some(Part::read(path).map(|part| Self { part, _lock: lock }))
+        let unlocked = unlocked(folder, is_part).into_iter();
+        let read = unlocked.map(|(path, lock)| {
+            let part = Part::read(&path)?;
+            Ok(Self { part, _lock: lock })
+        });
+        read.collect()
     }
 
     /// Removes the file: its results are delivered.
     pub fn remove(self) -> Result<(), Error> {
         fs::remove_file(&self.part.path).map_err(Error::io(&self.part.path))
     }
+}
+
+/// The files in a folder whose names satisfy `is_wanted` and that no process has locked, with a lock on each, in the order
+/// of their names. A folder that does not exist has no files.
+pub(crate) fn unlocked(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Vec<(PathBuf, File)> {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let paths = entries.filter_map(|entry| Some(entry.ok()?.path()));
+    let mut paths: Vec<PathBuf> = paths
+        .filter(|path| {
+            path.file_name()
+                .and_then(|name| name.to_str())
+                .is_some_and(&is_wanted)
+        })
+        .collect();
+    paths.sort_unstable();
+    let lock = |path: PathBuf| {
+        // Another worker may have removed it, also before it was locked.
+        let file = File::open(&path).ok()?;
+        file.try_lock().ok()?;
+        path.exists().then_some((path, file))
+    };
+    paths.into_iter().filter_map(lock).collect()
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Origins of rows, and the removal of what a worker delivered.
 
 use ledger::StreamId;
-use store::{Batch, Discard, Discarded, Error, OriginRow, SampleBlock, Store};
+use store::{
+    Batch, Discard, Discarded, Error, FailureKind, FailureRow, OriginRow, SampleBlock, Store,
+};
 
 use crate::{POINT, at, feasible, folder, infeasible, of, open, sample, samples, store_with};
 
@@ -97,9 +99,40 @@ async fn what_a_host_delivered_is_removed_and_can_be_stored_again() {
     let removed = store.discard(&Discard::Design(0), false).await.unwrap();
     assert_eq!((removed.samples, removed.criteria), (30, 1));
     assert_eq!(blocks(&store).await, []);
-    let nobody = Discard::Worker("nobody".into());
-    let none = store.discard(&nobody, false).await.unwrap();
+    let unknown = Discard::Worker("unknown".into());
+    let none = store.discard(&unknown, false).await.unwrap();
     assert_eq!(none, Discarded::default());
     store.close().await.unwrap();
     open(&path).await;
+}
+
+#[tokio::test]
+async fn the_failures_of_a_discarded_design_are_removed_and_the_others_counted() {
+    let (_folder, path) = folder();
+    let store = store_with(&path, 2).await;
+    let failure = |design: u64, serial: u64| FailureRow {
+        stream: of(design),
+        sample: None,
+        shared: false,
+        lease: 1,
+        worker: "w".into(),
+        serial: Some(serial),
+        kind: FailureKind::Failure,
+        error: format!("no contact at {serial} mm"),
+        at_unix_ms: None,
+    };
+    let failures = vec![failure(0, 1), failure(1, 2), failure(0, 3), failure(1, 4)];
+    let batch = Batch {
+        failures: failures.clone(),
+        ..part(0)
+    };
+    store.writer().unwrap().submit(batch).await.unwrap();
+    store.discard(&Discard::Design(0), true).await.unwrap();
+    assert_eq!(store.failures().await.unwrap(), failures, "only counted");
+    store.discard(&Discard::Design(0), false).await.unwrap();
+    let kept = [failures[1].clone(), failures[3].clone()];
+    assert_eq!(store.failures().await.unwrap(), kept);
+    let groups = store.failure_groups().await.unwrap();
+    assert_eq!((groups.len(), groups[0].count), (1, 2));
+    assert_eq!(groups[0].last_error, "no contact at 4 mm");
 }

@@ -1,4 +1,5 @@
-//! The connections of workers. A worker whose last connection ends without a farewell has most likely died.
+//! The connections of workers. A worker whose last connection ends, and that has not said that it leaves, has most likely
+//! died.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -8,7 +9,7 @@ use ledger::WorkerId;
 
 use super::Board;
 
-/// Time for a worker to come back after its last connection has ended: a living one calls again within a tenth of it,
+/// Time for a worker to connect again after its last connection has ended. A living worker calls again within a tenth of it,
 /// unless the network is down.
 const RETURN: Duration = Duration::from_millis(2500);
 
@@ -59,7 +60,7 @@ impl Drop for Connection {
             if *open == 0 {
                 connections.open.remove(&self.worker);
                 connections.lost.insert(self.worker.clone(), until);
-                inner.ledger.lose(&self.worker);
+                inner.ledger.mark_disconnected(&self.worker);
             }
         }
     }

@@ -64,7 +64,7 @@ impl Board {
         let before = inner.ledger.counts();
         let mut vanished = inner.ledger.expire(now);
         for dead in inner.connections.dead(now) {
-            vanished.extend(inner.ledger.vanish(&dead, now));
+            vanished.extend(inner.ledger.mark_dead(&dead, now));
         }
         if inner.ledger.counts() != before {
             self.ring(inner);

@@ -45,9 +45,9 @@ impl Board {
     }
 
     /// Counts the death of a worker that left a note of what it was computing.
-    pub fn bury(&self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
+    pub fn record_death(&self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
         self.change(|inner, _| {
-            let crashes = inner.ledger.bury(worker, begun);
+            let crashes = inner.ledger.record_death(worker, begun);
             let is_unknown = |crash: &&Crash| inner.ledger.source(crash.stream).is_none();
             for crash in crashes.iter().filter(is_unknown) {
                 let history = inner.histories.entry(crash.stream).or_default();

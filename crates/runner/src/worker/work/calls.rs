@@ -253,9 +253,9 @@ fn attempt(
     let cpu_seconds = thread_seconds() - computation.before + program_seconds;
     if let Some(failure) = &computed.failure {
         // A request to leave has ended the program as well.
-        let is_innocent =
+        let is_no_failure =
             failure.by_machine || backend.is_external() && shared.leaves_within(AFTERTHOUGHT);
-        if is_innocent {
+        if is_no_failure {
             computed.failure = None;
             return crate::protocol::results(unit, &computed, cpu_seconds);
         }

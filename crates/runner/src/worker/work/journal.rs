@@ -18,6 +18,7 @@ use ledger::{Generation, LeaseId, StreamId, Unit};
 use tracing::warn;
 
 use crate::protocol::v1::{DeadWorker, HeldLease};
+use crate::shards::unlocked;
 
 /// The first word of the header.
 const MAGIC: &str = "pitchline-begun";
@@ -211,25 +212,14 @@ fn begun(record: &[u8]) -> Option<HeldLease> {
 
 /// The notes of this campaign in a folder that no living worker holds, in the order of their names.
 fn dead(folder: &Path, prefix: &str, campaign: &str) -> Vec<Dead> {
-    let Ok(entries) = fs::read_dir(folder) else {
-        return Vec::new();
-    };
-    let mut paths: Vec<PathBuf> = entries
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| {
-            let name = path.file_name().and_then(|name| name.to_str());
-            name.is_some_and(|name| name.starts_with(prefix) && name.ends_with(ENDING))
-        })
-        .collect();
-    paths.sort_unstable();
-    let mut dead: Vec<Dead> = Vec::new();
-    dead.extend(paths.into_iter().filter_map(|path| read(path, campaign)));
-    dead
+    let is_note = |name: &str| name.starts_with(prefix) && name.ends_with(ENDING);
+    let unlocked = unlocked(folder, is_note).into_iter();
+    unlocked
+        .filter_map(|(path, file)| read(path, file, campaign))
+        .collect()
 }
 
-fn read(path: PathBuf, campaign: &str) -> Option<Dead> {
-    let file = File::open(&path).ok()?;
-    file.try_lock().ok()?;
+fn read(path: PathBuf, file: File, campaign: &str) -> Option<Dead> {
     let mut reader = io::BufReader::new(&file);
     let mut header = String::new();
     reader.read_line(&mut header).ok()?;

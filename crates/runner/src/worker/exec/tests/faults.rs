@@ -1,4 +1,4 @@
-//! Whose fault a missing answer is: the program's, the machine's, or nobody's.
+//! Faults of programs and of machines, and programs that end without a fault.
 
 use std::cell::RefCell;
 
