@@ -300,7 +300,8 @@ fn silent_connections_end_neither_the_campaign_nor_the_page() {
         .collect();
     assert_eq!(ask(http, "/healthz").body, "ok\n");
     sandbox.wait_for("c.db", "the end", |status| status["finished"] == true);
-    assert_eq!(view(http, "status")["finished"], true);
+    // The page shows a state that may be some seconds old.
+    wait_for(http, "status", |status| status["finished"] == true);
     drop(silent);
     coordinator.terminate();
     let (status, log) = coordinator.finish();
