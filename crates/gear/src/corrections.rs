@@ -2,12 +2,13 @@
 //! meet and part gently.
 //!
 //! Corrections are part of the gap g that the contact closes. Tip relief depends on the place s on
-//! the path alone, so it costs nothing beyond the uncorrected pair. Crowning depends on the place z
-//! along the face: the face integral is no longer one of s alone, prefix sums do not apply, and
-//! each phase is integrated piece by piece. A worn sample takes about seventeen times the time.
+//! the path alone, so it costs nothing beyond the uncorrected pair. Crowning and helix slope depend on
+//! the place z along the face. For slices the face integral is then no longer one of s alone, prefix sums do not
+//! apply, and each phase is integrated piece by piece: a worn sample takes about seventeen times the
+//! time. Coupled cells have a gap each, so they cost nothing more.
 //! Amounts are normal to the flank, as wear depths are.
 //!
-//! Left out: end relief, helix-angle and pressure-angle corrections, topographies.
+//! Left out: end relief, pressure-angle corrections, topographies.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -53,6 +54,52 @@ impl TipRelief {
     }
 }
 
+/// The gap along the face, which depends on the place z across it alone.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Lead {
+    /// Gap at both ends, from where it falls as a parabola to zero in the middle; mm.
+    pub(crate) crowning: f64,
+    /// Growth of the gap from the leading end, z = 0, to the trailing one, z = 1; mm.
+    pub(crate) slope: f64,
+}
+
+impl Lead {
+    /// The same gap with a further slope.
+    pub(crate) fn tilted(self, slope: f64) -> Self {
+        Self {
+            slope: self.slope + slope,
+            ..self
+        }
+    }
+
+    /// Whether the gap is the same all along the face.
+    pub(crate) fn is_even(self) -> bool {
+        self == Self::default()
+    }
+
+    /// Gap at the share `z` of the face, 0 to 1, mm. The slope's own gap is zero at one end.
+    pub(crate) fn gap(self, z: f64) -> f64 {
+        let x = 1.0 - 2.0 * z;
+        let slope = if self.slope < 0.0 {
+            self.slope * (z - 1.0)
+        } else {
+            self.slope * z
+        };
+        self.crowning * x * x + slope
+    }
+
+    /// The least gap, mm.
+    pub(crate) fn least(self) -> f64 {
+        let vertex = 0.5 - 0.125 * self.slope / self.crowning;
+        let ends = self.gap(0.0).min(self.gap(1.0));
+        if (0.0..=1.0).contains(&vertex) {
+            ends.min(self.gap(vertex))
+        } else {
+            ends
+        }
+    }
+}
+
 /// The corrections of a pair; the default is none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Corrections {
@@ -61,6 +108,13 @@ pub struct Corrections {
     /// Lengthwise crowning C_β of both flanks together, mm: the gap at both ends of the face, from
     /// where it falls as a parabola to zero in the middle.
     pub crowning: f64,
+    /// Helix slope of both flanks together, mm: how much more material is missing at the trailing end of
+    /// the face, which a contact line reaches last, than at the leading end. Positive as for a pinion whose helix
+    /// angle is too large, f_Hβ > 0 in ISO 1328-1:2013, or a gear whose helix angle is too small.
+    pub helix_slope: f64,
+    /// Misalignment of the shafts in the plane of action over the face, mm, with the sign of the helix
+    /// slope; the mesh misalignment of ISO 6336-1.
+    pub misalignment: f64,
 }
 
 impl Corrections {
@@ -76,6 +130,28 @@ impl Corrections {
     pub const fn with_crowning(mut self, crowning: f64) -> Self {
         self.crowning = crowning;
         self
+    }
+
+    /// The same corrections with the given helix slope, mm.
+    #[must_use]
+    pub const fn with_helix_slope(mut self, slope: f64) -> Self {
+        self.helix_slope = slope;
+        self
+    }
+
+    /// The same corrections on shafts with the given misalignment, mm.
+    #[must_use]
+    pub const fn with_misalignment(mut self, misalignment: f64) -> Self {
+        self.misalignment = misalignment;
+        self
+    }
+
+    /// The gap along the face.
+    pub(crate) fn lead(&self) -> Lead {
+        Lead {
+            crowning: self.crowning,
+            slope: self.helix_slope + self.misalignment,
+        }
     }
 
     /// Checks that amounts are at least zero and lengths positive.
@@ -99,7 +175,12 @@ impl Corrections {
                 )?;
             }
         }
-        depth("crowning", self.crowning)
+        depth("crowning", self.crowning)?;
+        let slope = |field, value: f64| {
+            check_range(field, value, -1e3..=1e3, "a slope from -1000 to 1000 mm")
+        };
+        slope("helix_slope", self.helix_slope)?;
+        slope("misalignment", self.misalignment)
     }
 
     /// Gap of the tip relief of both gears at `s`, mm.

@@ -1,14 +1,14 @@
-//! Loaded contact of a crowned pair, where the gap depends on the place along the face.
+//! Loaded contact of slices whose gap depends on the place along the face: crowning, helix slope.
 //!
 //! At the phase φ the line of pair j touches s at the face position z/b = (s_in + φ + j p_bt − s)/w,
-//! so each line has a gap of its own, g(s) + C_β (1 − 2 z/b)². The gap is taken as linear between
+//! so each line has a gap of its own, g(s) + C_β (1 − 2 z/b)² + slope · z/b. The gap is taken as linear between
 //! the nodes of the path and [`PIECES`] even parts of the line; the force of each piece is then
 //! exact, with its end of contact inside it where there is one. The force is convex and increasing
 //! in δ, and the first guess, all slices touching, is at or above the solution, so Newton's method
 //! falls monotonically.
 
 use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
-use crate::path::crowning_gap;
+use crate::corrections::Lead;
 
 /// The fewest even parts of a line. A parabola taken as straight in sixty-fourths is off by
 /// C_β/4096 at most.
@@ -52,9 +52,8 @@ impl Piece {
 /// The balance of one sample.
 pub(crate) struct CrownedBalance<'a> {
     pub(crate) frame: &'a Frame,
-    /// Gap at the ends of the face, mm.
-    pub(crate) crowning: f64,
-    /// The gap at the nodes, to which the crowning is added.
+    pub(crate) lead: Lead,
+    /// The gap at the nodes, to which that along the face is added.
     pub(crate) g: &'a [f64],
     pub(crate) pieces: &'a mut Vec<Piece>,
 }
@@ -65,12 +64,12 @@ impl Balance for CrownedBalance<'_> {
     }
 
     fn at(&mut self, phi: f64, _guess: f64) -> f64 {
-        balance(self.frame, self.crowning, self.g, phi, self.pieces)
+        balance(self.frame, self.lead, self.g, phi, self.pieces)
     }
 }
 
-/// δ at the phase `phi` (mm) for the gap `g` at the nodes on top of the crowning.
-fn balance(frame: &Frame, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<Piece>) -> f64 {
+/// δ at the phase `phi` (mm) for the gap `g` at the nodes on top of that along the face.
+fn balance(frame: &Frame, lead: Lead, g: &[f64], phi: f64, pieces: &mut Vec<Piece>) -> f64 {
     let path = &frame.path;
     let w = path.window;
     pieces.clear();
@@ -87,7 +86,7 @@ fn balance(frame: &Frame, crowning: f64, g: &[f64], phi: f64, pieces: &mut Vec<P
             let (s0, s1) = (path.s[cell], path.s[cell + 1]);
             let u = (s - s0) / (s1 - s0);
             let linear = |v: &[f64]| v[cell] + u * (v[cell + 1] - v[cell]);
-            let gap = linear(g) + crowning_gap(crowning, (end - s) / w);
+            let gap = linear(g) + lead.gap((end - s) / w);
             (gap, linear(&frame.stiffness))
         };
         let mut s = lo;

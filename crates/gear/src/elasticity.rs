@@ -6,9 +6,11 @@
 
 use std::f64::consts::PI;
 
+use crate::coupled::body::Body;
 use crate::geometry::Geometry;
 use crate::input::{Member, PairInput, ToothModel};
-use crate::tooth::Tooth;
+use crate::path::Place;
+use crate::tooth::{Station, Tooth};
 
 /// Least value of Weber's bracket ln(4 t1 t2/a_H²) − ν/(1 − ν). Near a pointed tip or under an
 /// absurd load the contact width exceeds the tooth and the bracket would turn negative.
@@ -24,6 +26,33 @@ pub(crate) struct NodeCompliance {
     pub(crate) teeth: f64,
     /// Product of the half thicknesses along the load line, mm².
     thickness: f64,
+    /// The place on both teeth; used by coupled cells only.
+    pub(crate) stations: [Station; 2],
+}
+
+impl NodeCompliance {
+    /// The compliance at a place between nodes.
+    pub(crate) fn between(nodes: &[Self], place: Place) -> Self {
+        let (a, b) = (&nodes[place.cell], &nodes[place.cell + 1]);
+        let mix = |a: f64, b: f64| a + place.u * (b - a);
+        Self {
+            s: place.s,
+            teeth: mix(a.teeth, b.teeth),
+            thickness: mix(a.thickness, b.thickness),
+            stations: [0, 1].map(|i| {
+                let (a, b) = (&a.stations[i], &b.stations[i]);
+                Station {
+                    cos_alpha_f: mix(a.cos_alpha_f, b.cos_alpha_f),
+                    tan_alpha_f: mix(a.tan_alpha_f, b.tan_alpha_f),
+                    y: mix(a.y, b.y),
+                    u: mix(a.u, b.u),
+                    m1: mix(a.m1, b.m1),
+                    m2: mix(a.m2, b.m2),
+                    n0: mix(a.n0, b.n0),
+                }
+            }),
+        }
+    }
 }
 
 /// The parts of a pair that its compliance follows from.
@@ -34,18 +63,34 @@ pub(crate) struct Elasticity<'a> {
 }
 
 impl Elasticity<'_> {
-    /// The compliance at the place `s`, without that of the contact.
+    /// What the bodies under the teeth add, where the model knows of it.
+    pub(crate) fn bodies(&self) -> Option<[Body; 2]> {
+        let of = |member| Body::new(self.input, self.geometry, member);
+        (self.input.tooth_model == ToothModel::Coupled).then(|| Member::BOTH.map(of))
+    }
+
+    /// The compliance at the place `s` under a load that is even along the face, without that of the
+    /// contact.
     pub(crate) fn node(&self, s: f64) -> NodeCompliance {
+        let bodies = self.bodies();
         let [pinion, gear] = Member::BOTH.map(|member| {
             let i = member.index();
             let r = self.geometry.r_b[i].hypot(self.geometry.tangent_length(member, s));
-            let load = self.teeth[i].load_at_radius(r);
-            (self.teeth[i].compliance(&load), load.half_thickness)
+            let (tooth, load) = (&self.teeth[i], self.teeth[i].load_at_radius(r));
+            let mut compliance = tooth.compliance(&load);
+            let mut station = Station::default();
+            if let Some(bodies) = &bodies {
+                station = tooth.station(&load);
+                let own = bodies[i].own(station.u, station.u);
+                compliance += own / self.input.material.youngs_modulus_mpa;
+            }
+            (compliance, load.half_thickness, station)
         });
         NodeCompliance {
             s,
             teeth: pinion.0 + gear.0,
             thickness: pinion.1 * gear.1,
+            stations: [pinion.2, gear.2],
         }
     }
 
@@ -58,7 +103,7 @@ impl Elasticity<'_> {
             ToothModel::HertzBeam | ToothModel::WholeFaceBeam | ToothModel::PrismaticBeam => {
                 2.0 * unit
             }
-            ToothModel::WeberBanaschek => {
+            ToothModel::WeberBanaschek | ToothModel::Coupled => {
                 let half_width_squared = 4.0 * unit * w * self.geometry.relative_radius(node.s);
                 let bracket = if half_width_squared > 0.0 {
                     (4.0 * node.thickness / half_width_squared).ln() - nu / (1.0 - nu)

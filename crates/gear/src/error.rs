@@ -173,6 +173,17 @@ pub enum Infeasible {
         /// Estimated relative error of the worst panel.
         error: f64,
     },
+    /// The coupled cells of the contact lines have no stiffness: the pair is too far outside the range of
+    /// the tooth model.
+    #[error(
+        "the compliance of the coupled contact has no inverse at the phase {phase:.3}: the pair is too far \
+         outside the range of the tooth model (15 to 80 teeth, faces of 2 to 14 modules, helix angles up to \
+         35 degrees)"
+    )]
+    ContactUnresolved {
+        /// Phase in base pitches.
+        phase: f64,
+    },
     /// The mate's tip would touch below this gear's base circle.
     #[error(
         "contact beyond the {member}'s base tangent point: the mate's tip reaches {reach:.4} mm \
@@ -217,6 +228,7 @@ impl Infeasible {
             Self::ToothSevered { .. } => "tooth-severed",
             Self::BeamWithoutThickness { .. } => "beam-without-thickness",
             Self::ComplianceUnresolved { .. } => "compliance-unresolved",
+            Self::ContactUnresolved { .. } => "contact-unresolved",
             Self::ContactBeyondBase { .. } => "contact-beyond-base",
             Self::ContactGap { .. } => "contact-gap",
         }

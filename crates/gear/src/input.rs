@@ -86,14 +86,19 @@ pub enum Size {
 /// The parts of a tooth's elasticity that are counted, and the distribution of the load on the
 /// face.
 ///
-/// With all but `"whole-face-beam"` teeth are thin slices across the face that do not feel each other.
+/// With all but `"coupled"` and `"whole-face-beam"` teeth are thin slices across the face that do not feel
+/// each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ToothModel {
+    /// Cells of the contact lines that feel each other along the face and from tooth to tooth, on a body
+    /// with a hub, with contact beyond the ends of the path. The model to design with: it agrees with
+    /// finite elements.
+    #[default]
+    Coupled,
     /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
     HertzBeam,
     /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
-    #[default]
     WeberBanaschek,
     /// The beams and the contact of `"hertz-beam"`, but each tooth is one beam over
     /// the whole face: a line of contact that covers the share f of the face b has the compliance
@@ -113,7 +118,7 @@ pub enum ToothModel {
 
 pub(crate) use named;
 
-named!(ToothModel: HertzBeam, WeberBanaschek, WholeFaceBeam, PrismaticBeam);
+named!(ToothModel: Coupled, HertzBeam, WeberBanaschek, WholeFaceBeam, PrismaticBeam);
 
 /// The treatment of a tip that would press into the mate's root.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -264,6 +269,9 @@ pub struct PairInput {
     pub root_radius: [f64; 2],
     /// Tip diameter, mm, where the blank was turned to one instead of being cut by the tool.
     pub tip_diameter: [Option<f64>; 2],
+    /// Radius at which the body of the gear is clamped, mm: its bore, or the hub of a stiff shaft. `None` is
+    /// 3.5 modules below the root circle. Only [`ToothModel::Coupled`] knows of it.
+    pub hub_radius: [Option<f64>; 2],
     /// The model of the deformation of teeth.
     pub tooth_model: ToothModel,
     /// The treatment of tips without clearance.
@@ -365,6 +373,12 @@ impl PairInput {
             .zip(self.tip_diameter)
         {
             d.map_or(Ok(()), |d| length(field, d))?;
+        }
+        for (field, radius) in ["hub_radius[0]", "hub_radius[1]"]
+            .into_iter()
+            .zip(self.hub_radius)
+        {
+            radius.map_or(Ok(()), |radius| length(field, radius))?;
         }
         check_range(
             "pinion_torque",

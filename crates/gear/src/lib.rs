@@ -107,8 +107,10 @@
 
 mod analysis;
 mod balance;
+mod beyond;
 mod converged;
 mod corrections;
+mod coupled;
 mod crowned;
 mod elasticity;
 mod error;

@@ -1,11 +1,13 @@
 //! The mesh of one pair: its contact lines, their stiffness, and the deflection δ over a mesh period.
 //!
-//! One of three calculations behind the trait `Balance` shares out the load of a phase: slices of
-//! straight flanks (`slices`), of crowned ones (`crowned`), or whole teeth (`whole_face`).
+//! One of four calculations shares out the load of a phase: slices of straight flanks (`slices`), of
+//! crowned ones (`crowned`), whole teeth (`whole_face`), or coupled cells (`coupled`).
 
 use crate::balance::{Extremes, Frame};
+use crate::corrections::Lead;
+use crate::coupled::{self, Coupled};
 use crate::crowned::{CrownedBalance, Piece};
-use crate::path::{Path, PeriodicFunction, Window, crowning_gap};
+use crate::path::{Path, PeriodicFunction, Window};
 use crate::slices::{self, SliceBalance, Slices};
 use crate::whole_face::{self, WholeFace, WholeFaceBalance};
 
@@ -20,9 +22,10 @@ pub(crate) struct Mesh {
 #[derive(Debug, Clone)]
 enum Contact {
     Slices(Slices),
-    /// Slices of flanks with this lengthwise crowning, mm at the ends of the face.
-    Crowned(f64),
+    /// Slices of flanks whose gap varies along the face.
+    Crowned(Lead),
     WholeFace(WholeFace),
+    Coupled(Coupled),
 }
 
 /// Working memory of a solution, reused from sample to sample.
@@ -31,17 +34,18 @@ pub(crate) struct Scratch {
     slices: slices::Memory,
     pieces: Vec<Piece>,
     springs: whole_face::Memory,
+    cells: coupled::Memory,
     /// δ at each phase.
     pub(crate) delta: Vec<f64>,
 }
 
 impl Mesh {
     /// The mesh of thin slices. `stiffness` is 1/q at the nodes; `target` is F_bt w/b.
-    pub(crate) fn slices(path: Path, stiffness: Vec<f64>, target: f64, crowning: f64) -> Self {
-        let contact = if crowning > 0.0 {
-            Contact::Crowned(crowning)
-        } else {
+    pub(crate) fn slices(path: Path, stiffness: Vec<f64>, target: f64, lead: Lead) -> Self {
+        let contact = if lead.is_even() {
             Contact::Slices(Slices::new(&path, &stiffness))
+        } else {
+            Contact::Crowned(lead)
         };
         Self {
             frame: Frame {
@@ -66,29 +70,55 @@ impl Mesh {
         }
     }
 
+    /// The mesh of coupled cells. `stiffness` is 1/q at the nodes under an even load.
+    pub(crate) fn coupled(path: Path, stiffness: Vec<f64>, target: f64, cells: Coupled) -> Self {
+        Self {
+            contact: Contact::Coupled(cells),
+            frame: Frame {
+                path,
+                stiffness,
+                target,
+            },
+        }
+    }
+
     /// Solves δ for the gap `g` at the nodes, at every phase, and refines its extremes; see
     /// [`Frame::extremes`].
     pub(crate) fn solve(&self, g: &[f64], scratch: &mut Scratch) -> Extremes {
+        self.solve_tilted(g, 0.0, scratch)
+    }
+
+    /// As [`solve`](Self::solve) for flanks whose gap has a further `slope` along the face, mm. The
+    /// mean of δ is then that of a gap that is zero at one end of the face. Whole teeth do not know
+    /// where on the face they touch, and are left alone.
+    pub(crate) fn solve_tilted(&self, g: &[f64], slope: f64, scratch: &mut Scratch) -> Extremes {
         let Scratch {
             slices,
             pieces,
             springs,
+            cells,
             delta,
         } = scratch;
         let frame = &self.frame;
+        let lead = match self.contact {
+            Contact::Crowned(lead) => lead,
+            _ => Lead::default(),
+        }
+        .tilted(slope);
         match &self.contact {
-            Contact::Slices(kind) => {
+            Contact::Slices(kind) if lead.is_even() => {
                 frame.extremes(&mut SliceBalance::new(frame, kind, g, slices), delta)
             }
-            Contact::Crowned(crowning) => frame.extremes(
+            Contact::Slices(_) | Contact::Crowned(_) => frame.extremes(
                 &mut CrownedBalance {
                     frame,
-                    crowning: *crowning,
+                    lead,
                     g,
                     pieces,
                 },
                 delta,
             ),
+            Contact::Coupled(coupled) => coupled.solve(g, slope, cells, delta),
             Contact::WholeFace(teeth) => frame.extremes(
                 &mut WholeFaceBalance {
                     frame,
@@ -101,14 +131,14 @@ impl Mesh {
         }
     }
 
-    /// δ at any phase where no gap keeps the flanks apart; NaN for crowned ones, which always have
-    /// a gap.
+    /// δ at any phase where no gap keeps the flanks apart; NaN for crowned flanks, which always have
+    /// a gap, and for coupled ones, which know their phases only.
     pub(crate) fn unworn(&self, phi: f64, windows: &mut Vec<Window>) -> f64 {
         let phi = phi.rem_euclid(self.frame.path.base_pitch);
         match &self.contact {
             Contact::Slices(slices) => slices.unworn(&self.frame, phi, windows),
             Contact::WholeFace(teeth) => teeth.unworn(&self.frame, phi, windows),
-            Contact::Crowned(_) => f64::NAN,
+            Contact::Crowned(_) | Contact::Coupled(_) => f64::NAN,
         }
     }
 
@@ -126,16 +156,19 @@ impl Mesh {
     ) -> Vec<f64> {
         let mut windows = Vec::new();
         let mut exact = |phi: f64| self.unworn(phi, &mut windows);
-        let (crowning, at): (f64, Option<&mut dyn FnMut(f64) -> f64>) = match &self.contact {
+        let (lead, at): (Lead, Option<&mut dyn FnMut(f64) -> f64>) = match &self.contact {
+            Contact::Coupled(coupled) => {
+                return coupled.greatest_load(&scratch.cells, &self.frame.path.s);
+            }
             Contact::WholeFace(teeth) => {
                 return teeth.greatest_load(&self.frame, g, &scratch.delta, is_zero_gap);
             }
-            Contact::Crowned(crowning) => (*crowning, None),
-            Contact::Slices(_) if is_zero_gap => (0.0, Some(&mut exact)),
-            Contact::Slices(_) => (0.0, None),
+            Contact::Crowned(lead) => (*lead, None),
+            Contact::Slices(_) if is_zero_gap => (Lead::default(), Some(&mut exact)),
+            Contact::Slices(_) => (Lead::default(), None),
         };
         let path = &self.frame.path;
-        let greatest = if path.window >= path.base_pitch && crowning == 0.0 {
+        let greatest = if path.window >= path.base_pitch && lead.is_even() {
             vec![peak; path.s.len()]
         } else {
             let function = PeriodicFunction {
@@ -143,7 +176,7 @@ impl Mesh {
                 values: &scratch.delta,
                 period: path.base_pitch,
             };
-            path.greatest_in_contact(&function, path.window, crowning, at)
+            path.greatest_in_contact(&function, path.window, lead, at)
         };
         let closed = greatest
             .iter()
@@ -159,6 +192,9 @@ impl Mesh {
     /// from 0 to 1, in N/mm, for the gap `g` whose solution is in `scratch`.
     pub(crate) fn load_across(&self, g: &[f64], scratch: &Scratch, across: f64) -> Vec<f64> {
         let path = &self.frame.path;
+        if let Contact::Coupled(coupled) = &self.contact {
+            return coupled.load_across(&scratch.cells, across, &path.s);
+        }
         let function = PeriodicFunction {
             phases: &path.phases,
             values: &scratch.delta,
@@ -172,10 +208,12 @@ impl Mesh {
                 let delta = function.between(end, &mut before);
                 match &self.contact {
                     Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),
-                    Contact::Crowned(crowning) => {
-                        (delta - g_here - crowning_gap(*crowning, across)).max(0.0) * stiffness
+                    Contact::Crowned(lead) => {
+                        (delta - g_here - lead.gap(across)).max(0.0) * stiffness
                     }
-                    Contact::Slices(_) => (delta - g_here).max(0.0) * stiffness,
+                    Contact::Slices(_) | Contact::Coupled(_) => {
+                        (delta - g_here).max(0.0) * stiffness
+                    }
                 }
             })
             .collect()

@@ -16,6 +16,8 @@ use crate::unworn::UnwornContact;
 
 /// A crowned pair's contact lines are integrated one by one, so their number is limited.
 const MOST_CROWNED_PAIRS: f64 = 100.0;
+/// Coupled cells of a wider face would be too many for the matrix that couples them.
+const MOST_OVERLAP: f64 = 8.0;
 
 /// A gear pair with its geometry, compliance and unworn analysis.
 #[derive(Debug, Clone)]
@@ -61,23 +63,30 @@ impl Pair {
         disc.validate()?;
         corrections.validate()?;
         let geometry = Geometry::new(input)?;
-        if corrections.crowning > 0.0 && geometry.contact_ratio > MOST_CROWNED_PAIRS {
-            return Err(InputError {
-                field: "crowning",
-                value: corrections.crowning,
-                expected: "zero for a pair whose contact ratio exceeds 100",
-            }
-            .into());
-        }
         let whole_face = input.tooth_model == ToothModel::WholeFaceBeam;
-        if corrections.crowning > 0.0 && whole_face {
-            return Err(InputError {
-                field: "crowning",
-                value: corrections.crowning,
-                expected: "zero with the tooth model whole-face-beam, which has one gap for the \
-                           whole face",
+        let along_face = [
+            ("crowning", corrections.crowning),
+            ("helix_slope", corrections.helix_slope),
+            ("misalignment", corrections.misalignment),
+        ];
+        let refused = if geometry.contact_ratio > MOST_CROWNED_PAIRS {
+            Some("zero for a pair whose contact ratio exceeds 100")
+        } else if whole_face {
+            Some("zero with the tooth model whole-face-beam, which has one gap for the whole face")
+        } else {
+            None
+        };
+        if let Some(expected) = refused {
+            for (field, value) in along_face {
+                if value != 0.0 {
+                    return Err(InputError {
+                        field,
+                        value,
+                        expected,
+                    }
+                    .into());
+                }
             }
-            .into());
         }
         // A spur pair may hand over exactly at ε_α = 1; a helical one has then lost contact. An
         // empty path (ε_α ≤ 0) carries nothing, however large the overlap.
@@ -92,6 +101,25 @@ impl Pair {
                 eps_beta: geometry.eps_beta,
             }
             .into());
+        }
+        if input.tooth_model == ToothModel::Coupled && geometry.eps_beta > MOST_OVERLAP {
+            return Err(InputError {
+                field: "face_width",
+                value: input.face_width,
+                expected: "a face width whose overlap ratio is at most 8 with the tooth model coupled",
+            }
+            .into());
+        }
+        for member in Member::BOTH {
+            let i = member.index();
+            if let Some(hub) = input.hub_radius[i].filter(|hub| *hub >= geometry.r_f[i]) {
+                return Err(InputError {
+                    field: ["hub_radius[0]", "hub_radius[1]"][i],
+                    value: hub,
+                    expected: "a radius below the root circle",
+                }
+                .into());
+            }
         }
         let teeth = [
             Tooth::new(input, &geometry, Member::Pinion)?,
@@ -108,10 +136,10 @@ impl Pair {
             }
         }
         let marks = corrections.relief_starts(&geometry);
-        let touch = if whole_face {
-            Touch::Middle
-        } else {
-            Touch::Everywhere
+        let touch = match input.tooth_model {
+            ToothModel::WholeFaceBeam => Touch::Middle,
+            ToothModel::Coupled => Touch::Cells,
+            _ => Touch::Everywhere,
         };
         let path = Path::new(&geometry, disc, touch, &soft, &marks);
         let relief: Vec<f64> = path
@@ -124,8 +152,14 @@ impl Pair {
             geometry: &geometry,
             teeth: &teeth,
         };
-        let contact =
-            UnwornContact::solve(&elastic, path, base_force, &relief, corrections.crowning);
+        let contact = UnwornContact::solve(
+            &elastic,
+            path,
+            base_force,
+            &relief,
+            corrections.lead(),
+            false,
+        )?;
         let UnwornContact {
             mesh,
             load,

@@ -12,6 +12,7 @@
 
 use std::collections::VecDeque;
 
+use crate::corrections::Lead;
 use crate::geometry::Geometry;
 use crate::input::Discretisation;
 
@@ -37,6 +38,14 @@ pub(crate) struct Place {
     pub(crate) u: f64,
 }
 
+impl Place {
+    /// The value here of a function that is given at the nodes.
+    pub(crate) fn of(self, values: &[f64]) -> f64 {
+        let (left, right) = (values[self.cell], values[self.cell + 1]);
+        left + self.u * (right - left)
+    }
+}
+
 /// The part of the path that one pair of teeth covers at one phase.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Window {
@@ -53,6 +62,8 @@ pub(crate) enum Touch {
     Everywhere,
     /// In the middle of the places that the line covers.
     Middle,
+    /// In cells of the line, whose width belongs to even phases.
+    Cells,
 }
 
 /// Path of contact and mesh period of one pair.
@@ -69,6 +80,8 @@ pub(crate) struct Path {
     pub(crate) s: Vec<f64>,
     /// Phases in mm, increasing, from 0 to below one base pitch.
     pub(crate) phases: Vec<f64>,
+    /// Number of phases without those at kinks.
+    pub(crate) even_phases: usize,
     windows: Vec<Window>,
     /// First window of each phase, and the total at the end.
     first: Vec<usize>,
@@ -127,7 +140,7 @@ impl Path {
         // A line that looks up its compliance in one place does not average the errors of its cells:
         // with twice as many, both kinds of contact err alike.
         let cells_wanted = match touch {
-            Touch::Everywhere => disc.cells,
+            Touch::Everywhere | Touch::Cells => disc.cells,
             Touch::Middle => 2 * disc.cells,
         };
         let mut s = vec![s_in];
@@ -171,6 +184,10 @@ impl Path {
                     ]);
                 }
             }
+            // A spur line passes a kink of the gap at once. A helical one smooths it, and its cells want
+            // even phases.
+            Touch::Cells if spur => kinks.extend(marks.iter().chain([&pitch_point])),
+            Touch::Cells => kinks = vec![0.0],
             // Where the middle passes the kinks of compliance and gap, which are among the breaks.
             Touch::Middle => kinks.extend(breaks.iter().map(|&x| line.end_at(x))),
         }
@@ -192,13 +209,16 @@ impl Path {
             spur,
             s,
             phases,
+            even_phases: disc.phases,
             windows: Vec::new(),
             first: vec![0],
         };
         let mut windows = Vec::new();
-        for k in 0..path.phases.len() {
-            path.windows_at(path.phases[k], &mut windows);
-            path.first.push(windows.len());
+        if touch != Touch::Cells {
+            for k in 0..path.phases.len() {
+                path.windows_at(path.phases[k], &mut windows);
+                path.first.push(windows.len());
+            }
         }
         path.windows = windows;
         path
@@ -266,18 +286,22 @@ impl Path {
     }
 
     /// The greatest value of a function of the phase over the phases at which each node is in
-    /// contact, less the crowning at the place on the face where it is touched then. `function` is
+    /// contact, less the gap of the face at the place where it is touched then. `function` is
     /// interpolated linearly between its phases unless `at` gives its value at any phase. `window` is the
     /// length of a line.
     pub(crate) fn greatest_in_contact(
         &self,
         function: &PeriodicFunction<'_>,
         window: f64,
-        crowning: f64,
+        lead: Lead,
         mut at: Option<&mut dyn FnMut(f64) -> f64>,
     ) -> Vec<f64> {
-        // A spur line touches over the whole face at once, where its crown is highest too.
-        let crowning = if self.spur { 0.0 } else { crowning };
+        // A spur line touches over the whole face at once, where the gap is least too.
+        let (lead, least) = if self.spur {
+            (Lead::default(), lead.least())
+        } else {
+            (lead, 0.0)
+        };
         // Ranges of phases start later from node to node, so each phase enters and leaves once. Of
         // the phases inside, only those are kept that no later one exceeds.
         let mut inside: VecDeque<usize> = VecDeque::new();
@@ -292,20 +316,20 @@ impl Path {
                 start = start.max(window);
                 end = end.min(self.s_out - self.s_in);
             }
-            let ends = match &mut at {
-                Some(at) => at(start).max(at(end)),
-                None => {
-                    let start = function.between(start, &mut before_start);
-                    start.max(function.between(end, &mut before_end))
-                }
+            let [at_start, at_end] = match &mut at {
+                Some(at) => [at(start), at(end)],
+                None => [
+                    function.between(start, &mut before_start),
+                    function.between(end, &mut before_end),
+                ],
             };
             // Both ends of the line are at an end of the face.
-            let mut most = ends - crowning;
+            let mut most = (at_start - lead.gap(0.0)).max(at_end - lead.gap(1.0));
             while function.phase(entered) < end {
                 let value = function.value(entered);
                 while inside
                     .back()
-                    .is_some_and(|&k| crowning == 0.0 && function.value(k) <= value)
+                    .is_some_and(|&k| lead.is_even() && function.value(k) <= value)
                 {
                     inside.pop_back();
                 }
@@ -315,24 +339,18 @@ impl Path {
             while inside.front().is_some_and(|&k| function.phase(k) <= start) {
                 inside.pop_front();
             }
-            if crowning > 0.0 {
+            if !lead.is_even() {
                 for &k in &inside {
                     let z = (function.phase(k) - start) / window;
-                    most = most.max(function.value(k) - crowning_gap(crowning, z));
+                    most = most.max(function.value(k) - lead.gap(z));
                 }
             } else if let Some(&k) = inside.front() {
                 most = most.max(function.value(k));
             }
-            greatest.push(most);
+            greatest.push(most - least);
         }
         greatest
     }
-}
-
-/// Gap of the crowning at the share `z` of the face, 0 to 1.
-pub(crate) fn crowning_gap(crowning: f64, z: f64) -> f64 {
-    let x = 1.0 - 2.0 * z;
-    crowning * x * x
 }
 
 /// A line of contact that moves along the path. Its front end goes from 0, where the line begins to

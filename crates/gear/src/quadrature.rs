@@ -331,10 +331,14 @@ impl ToothIntegrals {
         self.locate(y).second_moment()
     }
 
-    /// M2 about the height `y`, and ∫ dy/(2x) up to it.
-    pub(crate) fn bending_and_shear(&self, y: f64) -> (f64, f64) {
+    /// M1 and M2 about the height `y`, and ∫ dy/(2x) up to it.
+    pub(crate) fn moments(&self, y: f64) -> [f64; 3] {
         let level = self.locate(y);
-        (level.second_moment(), level.inverse_thickness())
+        [
+            level.first_moment(),
+            level.second_moment(),
+            level.inverse_thickness(),
+        ]
     }
 
     fn locate(&self, y: f64) -> Level<'_> {
@@ -371,6 +375,19 @@ impl Level<'_> {
             Self::Root => 0.0,
             Self::Panel { panel, h, u } => panel.below.raised(h).m2 + panel.second.at(u),
             Self::Top { h, moments } => moments.raised(h).m2,
+        }
+    }
+
+    /// M1 = ∫ (Y − y) f dy, which is half the slope of M2 in Y.
+    fn first_moment(&self) -> f64 {
+        match *self {
+            Self::Root => 0.0,
+            Self::Panel { panel, h, u } => {
+                let (_, height) = panel.height.with_slope(u);
+                let (_, second) = panel.second.with_slope(u);
+                panel.below.raised(h).m1 + 0.5 * second / height
+            }
+            Self::Top { h, moments } => moments.raised(h).m1,
         }
     }
 
@@ -439,7 +456,10 @@ mod tests {
             } else {
                 -v.ln() + v * (2.0 - 0.5 * v) - 1.5
             };
-            let both = integrals.bending_and_shear(d);
+            let both = {
+                let [_, m2, n0] = integrals.moments(d);
+                (m2, n0)
+            };
             for (ours, exact) in [(both.0, m2), (both.1, -v.ln())] {
                 assert!(
                     (ours / exact - 1.0).abs() < TOLERANCE,
@@ -467,7 +487,7 @@ mod tests {
             .expect("smooth");
         for k in 1..=1000 {
             let y = 1.3 * f64::from(k) / 1000.0;
-            let (m2, n0) = integrals.bending_and_shear(y);
+            let [_, m2, n0] = integrals.moments(y);
             assert!((m2 - y * y * y / 3.0).abs() < 1e-9, "{y}: {m2}");
             assert!((n0 - y).abs() < 1e-9, "{y}: {n0}");
         }

@@ -50,15 +50,43 @@ pub(crate) type OutlineOf<'a> = Box<dyn Fn(f64) -> (f64, f64) + 'a>;
 /// The place and the direction of a load on the tooth.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Load {
-    /// cos² α_F.
-    cos2: f64,
-    /// tan² α_F.
-    tan2: f64,
     pub(crate) cos_alpha_f: f64,
+    tan_alpha_f: f64,
     /// Height at which the load line crosses the tooth axis.
     pub(crate) y_l: f64,
     /// Distance from the contact point to the tooth axis along the load line.
     pub(crate) half_thickness: f64,
+}
+
+/// What a load's place on the tooth contributes to the tooth's compliance, for one load or for two.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Station {
+    pub(crate) cos_alpha_f: f64,
+    pub(crate) tan_alpha_f: f64,
+    /// Height at which the load line crosses the tooth axis, mm.
+    pub(crate) y: f64,
+    /// That height above the root circle's end, in thicknesses of the root.
+    pub(crate) u: f64,
+    /// M1, M2 about that height, and ∫ dy/(2x) up to it.
+    pub(crate) m1: f64,
+    pub(crate) m2: f64,
+    pub(crate) n0: f64,
+}
+
+/// Displacement at one station for a load at another, per line load, mm per N/mm: bending, and the
+/// rest of Weber and Banaschek's terms. The formula for one place holds for two if every product of
+/// the place with itself becomes one of both places, and bending is integrated up to the lower one.
+pub(crate) fn influence(a: &Station, b: &Station, youngs: f64, nu: f64) -> [f64; 2] {
+    const PI: f64 = std::f64::consts::PI;
+    let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
+    let bending = 12.0 * (1.0 - nu * nu) * (low.m2 + (high.y - low.y) * low.m1);
+    let tan2 = a.tan_alpha_f * b.tan_alpha_f;
+    let shear = (2.4 * (1.0 + nu) + (1.0 - nu * nu) * tan2) * low.n0;
+    let foundation = (18.0 / PI) * (1.0 - nu * nu) * a.u * b.u
+        + (1.0 - 2.0 * nu) * (1.0 + nu) * (a.u + b.u)
+        + (4.8 / PI) * (1.0 - nu * nu) * (1.0 + (1.0 - nu) / 2.4 * tan2);
+    let along = a.cos_alpha_f * b.cos_alpha_f / youngs;
+    [along * bending, along * (shear + foundation)]
 }
 
 /// The critical root section.
@@ -366,9 +394,8 @@ impl Tooth {
         let point = self.involute_point(tau);
         let (sin, cos) = (point.sin_alpha_f, point.cos_alpha_f);
         Load {
-            cos2: cos * cos,
-            tan2: (sin / cos) * (sin / cos),
             cos_alpha_f: cos,
+            tan_alpha_f: sin / cos,
             y_l: self.r_b / cos,
             half_thickness: point.x / cos,
         }
@@ -377,7 +404,8 @@ impl Tooth {
     /// M2 and ∫ dy/(2x) for a load line that crosses the axis at the height `y`.
     #[cfg(test)]
     pub(crate) fn integrals(&self, y: f64) -> (f64, f64) {
-        self.integrals.bending_and_shear(y)
+        let [_, m2, n0] = self.integrals.moments(y);
+        (m2, n0)
     }
 
     /// Compliance of the tooth and its foundation under `load`, mm per N/mm; contact excluded.
@@ -392,19 +420,28 @@ impl Tooth {
                 let arm = (load.y_l - self.root.1).max(0.0);
                 bending((arm / self.thickness).powi(3) / 3.0)
             }
-            ToothModel::WeberBanaschek => {
-                let (m2, n0) = self.integrals.bending_and_shear(load.y_l);
-                let shear = (2.4 * (1.0 + nu) + (1.0 - nu * nu) * load.tan2) * n0;
-                let (root_x, root_y) = self.root;
-                let u = ((load.y_l - root_y) / (2.0 * root_x)).max(0.0);
-                let pi = std::f64::consts::PI;
-                let foundation = (18.0 / pi) * (1.0 - nu * nu) * u * u
-                    + 2.0 * (1.0 - 2.0 * nu) * (1.0 + nu) * u
-                    + (4.8 / pi) * (1.0 - nu * nu) * (1.0 + (1.0 - nu) / 2.4 * load.tan2);
-                bending(m2) + shear + foundation
+            ToothModel::WeberBanaschek | ToothModel::Coupled => {
+                let station = self.station(load);
+                let [bending, rest] = influence(&station, &station, self.youngs, nu);
+                return bending + rest;
             }
         };
-        load.cos2 * sum / self.youngs
+        load.cos_alpha_f * load.cos_alpha_f * sum / self.youngs
+    }
+
+    /// The station of `load`.
+    pub(crate) fn station(&self, load: &Load) -> Station {
+        let [m1, m2, n0] = self.integrals.moments(load.y_l);
+        let (root_x, root_y) = self.root;
+        Station {
+            cos_alpha_f: load.cos_alpha_f,
+            tan_alpha_f: load.tan_alpha_f,
+            y: load.y_l,
+            u: ((load.y_l - root_y) / (2.0 * root_x)).max(0.0),
+            m1,
+            m2,
+            n0,
+        }
     }
 
     /// The section whose fillet tangent is inclined by 30° against the tooth axis; the end of the

@@ -12,6 +12,8 @@
 //! Wear does not change the compliance: it moves load, which enters by its logarithm only.
 
 use crate::balance::Extremes;
+use crate::corrections::Lead;
+use crate::coupled::{Coupled, Design, NotPositive};
 use crate::elasticity::{Elasticity, NodeCompliance};
 use crate::input::ToothModel;
 use crate::mesh::{Mesh, Scratch};
@@ -40,21 +42,52 @@ pub(crate) struct UnwornContact {
 }
 
 impl UnwornContact {
-    /// Solves the contact on `path` for the gap `relief` at its nodes and the crowning, both in mm.
-    /// `base_force` is F_bt, N.
+    /// Solves the contact on `path` for the gap `relief` at its nodes, mm, and that along the face.
+    /// `base_force` is F_bt, N. `may_tilt`: samples will have gaps that vary along the face.
+    ///
+    /// # Errors
+    /// [`NotPositive`], with coupled cells only.
     pub(crate) fn solve(
         elastic: &Elasticity<'_>,
         path: Path,
         base_force: f64,
         relief: &[f64],
-        crowning: f64,
-    ) -> Self {
+        lead: Lead,
+        may_tilt: bool,
+    ) -> Result<Self, NotPositive> {
         let (geometry, tooth_model) = (elastic.geometry, elastic.input.tooth_model);
         let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| elastic.node(s)).collect();
         // First guess of the line load: the force spread over the mean length of contact.
         let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
         let least_load = LEAST_LOAD * mean_load;
         let mut load = vec![mean_load; path.s.len()];
+        if let Some(bodies) = elastic.bodies() {
+            let target = base_force / geometry.face_width;
+            let even = nodes
+                .iter()
+                .map(|node| 1.0 / (node.teeth + elastic.contact(node, mean_load)));
+            let stiffness = even.collect();
+            let design = Design {
+                elastic,
+                bodies,
+                path: &path,
+                nodes: &nodes,
+                base_force,
+                gap: relief,
+                lead,
+            };
+            let cells = Coupled::new(&design, may_tilt || !lead.is_even())?;
+            let mesh = Mesh::coupled(path, stiffness, target, cells);
+            let mut scratch = Scratch::default();
+            let extremes = mesh.solve(relief, &mut scratch);
+            let load = mesh.greatest_load(relief, &scratch, extremes.max, false);
+            return Ok(Self {
+                mesh,
+                load,
+                extremes,
+                scratch,
+            });
+        }
         let make = |path: Path, load: &[f64]| {
             let contact = |node, &w: &f64| elastic.contact(node, w);
             if tooth_model == ToothModel::WholeFaceBeam {
@@ -68,14 +101,17 @@ impl UnwornContact {
                 .iter()
                 .zip(load)
                 .map(|(node, w)| 1.0 / (node.teeth + contact(node, w)));
-            Mesh::slices(path, stiffness.collect(), target, crowning)
+            Mesh::slices(path, stiffness.collect(), target, lead)
         };
         let mut scratch = Scratch::default();
         let mut mesh = make(path, &load);
         let mut extremes = mesh.solve(relief, &mut scratch);
         let rounds = match tooth_model {
             ToothModel::WeberBanaschek => LOAD_ROUNDS,
-            ToothModel::HertzBeam | ToothModel::PrismaticBeam | ToothModel::WholeFaceBeam => 0,
+            ToothModel::HertzBeam
+            | ToothModel::PrismaticBeam
+            | ToothModel::WholeFaceBeam
+            | ToothModel::Coupled => 0,
         };
         for _ in 0..rounds {
             let carried = mesh.greatest_load(relief, &scratch, extremes.max, false);
@@ -91,11 +127,11 @@ impl UnwornContact {
             mesh = make(mesh.frame.path, &load);
             extremes = mesh.solve(relief, &mut scratch);
         }
-        Self {
+        Ok(Self {
             mesh,
             load,
             extremes,
             scratch,
-        }
+        })
     }
 }

@@ -52,6 +52,38 @@ impl Pair {
         }
     }
 
+    /// The analysis of the pair with a further gap, mm along the normal, at the places of its
+    /// [`path`](Self::path), one for each.
+    ///
+    /// # Panics
+    /// If there are not as many gaps as places.
+    #[must_use]
+    pub fn with_gap(&self, gap: &[f64]) -> Analysis {
+        assert_eq!(
+            gap.len(),
+            self.path().len(),
+            "one gap for each place of the path"
+        );
+        let all: Vec<f64> = gap
+            .iter()
+            .zip(&self.relief)
+            .map(|(gap, relief)| gap + relief)
+            .collect();
+        let mut scratch = Scratch::default();
+        let extremes = self.mesh.solve(&all, &mut scratch);
+        let carried = self.mesh.greatest_load(&all, &scratch, extremes.max, false);
+        let s = self.path();
+        let pressure = pressures(self.input(), self.geometry(), s, &carried);
+        Analysis::new(
+            self.geometry(),
+            &self.mesh,
+            &scratch,
+            extremes,
+            0.0,
+            &pressure,
+        )
+    }
+
     /// Hertz pressure on the flanks, MPa, with the mean wear or without any. Each place of the
     /// [`path`](Self::path) has a row with the pressures in the middles of `parts` even parts of the face,
     /// each taken when the line of contact passes there.

@@ -11,6 +11,7 @@
 //! crowning has no meaning.
 
 use crate::balance::{Balance, Frame, not_negative};
+use crate::corrections::Lead;
 use crate::path::{Line, Path, PeriodicFunction, Place, Window};
 
 /// The springs of one pair of gears.
@@ -137,7 +138,7 @@ impl WholeFace {
         let mut exact = |end: f64| load(end, self.unworn(frame, end.rem_euclid(p), &mut windows));
         let at: Option<&mut dyn FnMut(f64) -> f64> =
             if is_zero_gap { Some(&mut exact) } else { None };
-        path.greatest_in_contact(&function, short.window, 0.0, at)
+        path.greatest_in_contact(&function, short.window, Lead::default(), at)
     }
 
     /// F/b of a pair whose line's front end is at `end`, for the gap `g` at the deflection `delta`.

@@ -90,6 +90,7 @@ pub const fn full_design(variables: [f64; 11]) -> PairInput {
         tip_radius: [tip_1, tip_2],
         root_radius: [root_1, root_2],
         tip_diameter: [None, None],
+        hub_radius: [None; 2],
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,
         pinion_torque: 200e3,

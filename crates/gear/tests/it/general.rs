@@ -19,6 +19,7 @@ pub(crate) fn plain() -> PairInput {
         tip_radius: [0.1; 2],
         root_radius: [0.6; 2],
         tip_diameter: [None, None],
+        hub_radius: [None; 2],
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,
         pinion_torque: 100e3,

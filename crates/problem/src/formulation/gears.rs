@@ -47,6 +47,7 @@ impl Gears {
             tip_radius: [0.0; 2],
             root_radius: [0.1; 2],
             tip_diameter: [None; 2],
+            hub_radius: [None; 2],
             tooth_model: pair.tooth_model,
             tip_rule: pair.tip_rule,
             pinion_torque: sections.load.pinion_torque_nm * 1e3,

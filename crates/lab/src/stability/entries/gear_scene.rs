@@ -23,6 +23,7 @@ pub(super) fn plain() -> PairInput {
         tip_radius: [0.1; 2],
         root_radius: [0.6; 2],
         tip_diameter: [None; 2],
+        hub_radius: [None; 2],
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,
         pinion_torque: 100e3,
