@@ -112,8 +112,8 @@ pub struct Corrections {
     /// the face, which a contact line reaches last, than at the leading end. Positive as for a pinion whose helix
     /// angle is too large, f_Hβ > 0 in ISO 1328-1:2013, or a gear whose helix angle is too small.
     pub helix_slope: f64,
-    /// Misalignment of the shafts in the plane of action over the face, mm, with the sign of the helix
-    /// slope; the mesh misalignment of ISO 6336-1.
+    /// Misalignment of the shafts over the face, mm in the plane of action and across the shafts, with the sign
+    /// of the helix slope; the mesh misalignment of ISO 6336-1.
     pub misalignment: f64,
 }
 
@@ -147,10 +147,10 @@ impl Corrections {
     }
 
     /// The gap along the face.
-    pub(crate) fn lead(&self) -> Lead {
+    pub(crate) fn lead(&self, geometry: &Geometry) -> Lead {
         Lead {
             crowning: self.crowning,
-            slope: self.helix_slope + self.misalignment,
+            slope: self.helix_slope + self.misalignment * geometry.beta_b.cos(),
         }
     }
 

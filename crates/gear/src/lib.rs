@@ -4,8 +4,8 @@
 //! compliance of their teeth and the unworn analysis; every refusal names its reason. From the
 //! pair follow contact ratio, specific sliding, interference, root stress and Hertz pressure, the
 //! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and any number of randomly
-//! worn versions, with perfect flanks ([`Pair::sampler`]) or with flanks of a tolerance class
-//! ([`Pair::sampler_of_class`]). [`Pair::with_corrections`] adds tip relief and crowning,
+//! worn versions, with perfect flanks ([`Pair::sampler`]) or with the scatter of manufacture
+//! ([`Pair::sampler_with`]). [`Pair::with_corrections`] adds tip relief and crowning,
 //! [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal figures for
 //! comparison.
 //!
@@ -62,6 +62,7 @@
 //!     tip_radius: [0.1; 2],
 //!     root_radius: [0.6; 2],
 //!     tip_diameter: [None; 2],
+//!     hub_radius: [None; 2],
 //!     tooth_model: ToothModel::WeberBanaschek,
 //!     tip_rule: TipRule::AsCut,
 //!     pinion_torque: 100e3,
@@ -156,7 +157,7 @@ pub use input::{
     Discretisation, InputError, Kernel, Material, Member, PairInput, Rack, Size, TipRule,
     ToothModel, Wear, WearLaw,
 };
-pub use manufacture::{FlankClass, TOLERANCE_IN_SD};
+pub use manufacture::{FlankClass, Scatter, TOLERANCE_IN_SD};
 pub use outline::{Placement, gear_outline, mesh_placement};
 pub use pair::Pair;
 pub use plain::PlainSum;

@@ -1,4 +1,4 @@
-//! Scatter of manufacture: the profile slope deviation of each gear.
+//! Scatter of manufacture and assembly: slopes of profiles and helices, and shafts out of line.
 //!
 //! A profile slope deviation f_Hα turns all flanks of one gear by the same small angle, as a wrong
 //! pressure angle of the tool does. It is measured in the transverse plane along the line of
@@ -11,15 +11,22 @@
 //! Two gears that deviate alike fit each other. The gap is zero in the middle of the path; a constant
 //! would move the transmission error and leave ΔSTE alone.
 //!
-//! # Assumptions
-//! - Each gear's deviation is normal with mean 0, and the tolerance ±f_HαT is ±3 standard deviations
-//!   ([`TOLERANCE_IN_SD`]). The standard limits the deviation and says nothing of its distribution.
-//! - The active flank is the evaluated length: f_Hα is the deviation from one end of the path of
-//!   contact to the other. A flank that is usable beyond its active part deviates less on that part.
-//! - Tolerances are not rounded as the standard's printed values are.
+//! A helix slope deviation f_Hβ is the same along the face: positive where the helix angle is too
+//! large. With z from 0 at the leading end of the face, where a contact line is ahead, to 1 at the trailing
+//! one, deviations f1 and f2 and a misalignment m of the shafts in the plane of action change the gap by
 //!
-//! Left out: pitch deviations, profile and helix form, helix slope, and differences between the teeth of
-//! a gear.
+//! g(z) += (f1 − f2 + m) z cos β_b.
+//!
+//! # Assumptions
+//! - Each deviation is normal with mean 0, and its tolerance ± is ±3 standard deviations
+//!   ([`TOLERANCE_IN_SD`]). The standard limits deviations and says nothing of their distribution.
+//! - The active flank is the evaluated length: f_Hα is the deviation from one end of the path of
+//!   contact to the other, f_Hβ from one end of the face to the other. A flank that is usable beyond its
+//!   active part deviates less on that part.
+//! - Tolerances are not rounded as the standard's printed values are.
+//! - The tooth model `whole-face-beam` has one gap for the whole face: it knows profile slopes only.
+//!
+//! Left out: pitch deviations, profile and helix form, and differences between the teeth of a gear.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -81,10 +88,32 @@ impl FlankClass {
     #[must_use]
     pub fn slope_tolerance(self, normal_module: f64, reference_diameter: f64) -> f64 {
         let class_5_um = 0.4 * normal_module + 0.001 * reference_diameter + 4.0;
-        1e-3 * class_5_um * 2_f64.powf(0.5 * (f64::from(self.0) - 5.0))
+        1e-3 * class_5_um * self.step()
     }
 
-    /// The tolerances of both gears of a pair, mm.
+    /// Helix slope tolerance f_HβT, mm, of a gear with this reference diameter d and face width b, mm:
+    /// (0.05 √d + 0.35 √b + 4) √2^(A − 5) µm with A the class (ISO 1328-1:2013), not rounded. The
+    /// standard is for d from 5 to 15 000 mm and b from 4 to 1200 mm.
+    #[must_use]
+    pub fn helix_slope_tolerance(self, reference_diameter: f64, face_width: f64) -> f64 {
+        let class_5_um = 0.05 * reference_diameter.sqrt() + 0.35 * face_width.sqrt() + 4.0;
+        1e-3 * class_5_um * self.step()
+    }
+
+    /// The helix slope tolerances of both gears of a pair, mm.
+    #[must_use]
+    pub fn helix_slope_tolerances(self, geometry: &Geometry) -> [f64; 2] {
+        geometry
+            .r
+            .map(|r| self.helix_slope_tolerance(2.0 * r, geometry.face_width))
+    }
+
+    /// The class's tolerance as a multiple of that of class 5.
+    fn step(self) -> f64 {
+        2_f64.powf(0.5 * (f64::from(self.0) - 5.0))
+    }
+
+    /// The profile slope tolerances of both gears of a pair, mm.
     #[must_use]
     pub fn slope_tolerances(self, geometry: &Geometry) -> [f64; 2] {
         geometry
@@ -93,42 +122,100 @@ impl FlankClass {
     }
 }
 
-/// The random slope deviations of a pair, one standard normal coefficient for each gear.
+/// The scatter of manufacture and assembly. The default is none.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Scatter {
+    /// Class of both gears' flanks: profile slopes and helix slopes deviate within its tolerances.
+    pub flank_class: Option<FlankClass>,
+    /// Tolerance ± of the misalignment of the shafts in the plane of action over the face, mm.
+    pub misalignment: f64,
+}
+
+impl Scatter {
+    /// The scatter of flanks of this class on shafts that are parallel.
+    #[must_use]
+    pub const fn of_class(class: FlankClass) -> Self {
+        Self {
+            flank_class: Some(class),
+            misalignment: 0.0,
+        }
+    }
+}
+
+/// The random deviations of a pair, one standard normal coefficient each: profile slopes of pinion and
+/// gear, their helix slopes, and the misalignment; those that do not scatter are left out.
 #[derive(Debug, Clone)]
-pub(crate) struct SlopeDeviations {
-    /// Standard deviations of f1 and f2, mm.
-    sd: [f64; 2],
+pub(crate) struct Deviations {
+    /// Standard deviations of f_Hα of both gears, mm.
+    profile: Option<[f64; 2]>,
+    /// Growth of the gap along the face for one standard deviation of each deviation, mm.
+    tilts: Vec<f64>,
     /// x cos β_b at the nodes of the path.
     shape: Vec<f64>,
 }
 
-impl SlopeDeviations {
-    /// Number of coefficients of a draw.
-    pub(crate) const MODES: usize = 2;
+/// One draw of the deviations.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Deviation {
+    /// f_Hα of both gears, mm.
+    pub(crate) profile: [f64; 2],
+    /// Growth of the gap along the face, mm.
+    pub(crate) tilt: f64,
+}
 
-    /// The deviations of a pair of this class at the places `s`.
-    pub(crate) fn new(class: FlankClass, geometry: &Geometry, s: &[f64]) -> Self {
+impl Deviations {
+    /// The deviations of a pair at the places `s`. `knows_face`: the tooth model knows where on the face
+    /// teeth touch.
+    pub(crate) fn new(scatter: Scatter, geometry: &Geometry, s: &[f64], knows_face: bool) -> Self {
         let (middle, length) = (
             0.5 * (geometry.s_in + geometry.s_out),
             geometry.s_out - geometry.s_in,
         );
         let normal = geometry.beta_b.cos();
+        let of = |tolerances: [f64; 2]| tolerances.map(|tolerance| tolerance / TOLERANCE_IN_SD);
+        let class = scatter.flank_class;
+        let mut tilts = Vec::new();
+        if knows_face {
+            if let Some(class) = class {
+                let [pinion, gear] = of(class.helix_slope_tolerances(geometry));
+                // A helix angle that is too large opens the trailing end of a pinion's flank and closes
+                // that of its mate's.
+                tilts.extend([normal * pinion, -normal * gear]);
+            }
+            if scatter.misalignment > 0.0 {
+                tilts.push(normal * scatter.misalignment / TOLERANCE_IN_SD);
+            }
+        }
         Self {
-            sd: class
-                .slope_tolerances(geometry)
-                .map(|tolerance| tolerance / TOLERANCE_IN_SD),
+            profile: class.map(|class| of(class.slope_tolerances(geometry))),
+            tilts,
             shape: s.iter().map(|s| normal * (s - middle) / length).collect(),
         }
     }
 
-    /// The deviations f1 and f2 of these coefficients, mm; those that are missing count as zero.
-    pub(crate) fn of(&self, coefficients: &[f64]) -> [f64; 2] {
-        [0, 1].map(|gear| self.sd[gear] * coefficients.get(gear).copied().unwrap_or_default())
+    /// Number of coefficients of a draw.
+    pub(crate) fn modes(&self) -> usize {
+        self.profile.map_or(0, |profile| profile.len()) + self.tilts.len()
     }
 
-    /// Adds the deviations `f` to the gap at the nodes.
-    pub(crate) fn add_to(&self, gap: &mut [f64], f: [f64; 2]) {
-        let difference = f[1] - f[0];
+    /// Whether the gap along the face scatters.
+    pub(crate) fn tilts(&self) -> bool {
+        !self.tilts.is_empty()
+    }
+
+    /// The deviations of these coefficients; those that are missing count as zero.
+    pub(crate) fn of(&self, coefficients: &[f64]) -> Deviation {
+        let mut rest = coefficients.iter().copied().chain(std::iter::repeat(0.0));
+        let mut next = move || rest.next().unwrap_or_default();
+        Deviation {
+            profile: self.profile.map_or([0.0; 2], |sd| sd.map(|sd| sd * next())),
+            tilt: self.tilts.iter().map(|tilt| tilt * next()).sum(),
+        }
+    }
+
+    /// Adds profile slope deviations to the gap at the nodes.
+    pub(crate) fn add_to(&self, gap: &mut [f64], profile: [f64; 2]) {
+        let difference = profile[1] - profile[0];
         for (gap, shape) in gap.iter_mut().zip(&self.shape) {
             *gap += difference * shape;
         }
@@ -162,5 +249,15 @@ mod tests {
             assert!((of(number + 1) / of(number) - std::f64::consts::SQRT_2).abs() < 1e-12);
         }
         assert_eq!([0, 12].map(FlankClass::new), [None, None]);
+    }
+
+    /// By hand: class 5 at d = 100 mm and b = 25 mm is 0.5 + 1.75 + 4 µm, class 7 twice that.
+    #[test]
+    fn helix_slope_tolerances_are_those_of_the_standard() {
+        for (class, um) in [(5, 6.25), (7, 12.5)] {
+            let class = FlankClass::new(class).unwrap();
+            let tolerance = class.helix_slope_tolerance(100.0, 25.0);
+            assert!((1e3 * tolerance - um).abs() < 1e-12 * um);
+        }
     }
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::analysis::{Analysis, UM, pressures};
 use crate::corrections::Corrections;
+use crate::coupled::NotPositive;
 use crate::elasticity::Elasticity;
 use crate::error::{Error, Infeasible};
 use crate::geometry::{Geometry, Interference, Sliding};
@@ -157,7 +158,7 @@ impl Pair {
             path,
             base_force,
             &relief,
-            corrections.lead(),
+            corrections.lead(&geometry),
             false,
         )?;
         let UnwornContact {
@@ -182,6 +183,26 @@ impl Pair {
             unworn,
             pressure,
         })
+    }
+
+    /// The mesh for flanks with this gap at the nodes, mm: that of the pair but for coupled cells, whose
+    /// contact has the approach that belongs to these flanks. `may_tilt`: the gap may vary along the face
+    /// from sample to sample.
+    pub(crate) fn mesh_of(&self, gap: &[f64], may_tilt: bool) -> Result<Arc<Mesh>, NotPositive> {
+        if self.input.tooth_model != ToothModel::Coupled {
+            return Ok(Arc::clone(&self.mesh));
+        }
+        let elastic = Elasticity {
+            input: &self.input,
+            geometry: &self.geometry,
+            teeth: &self.teeth,
+        };
+        let (path, lead) = (
+            self.mesh.frame.path.clone(),
+            self.corrections.lead(&self.geometry),
+        );
+        UnwornContact::solve(&elastic, path, self.base_force, gap, lead, may_tilt)
+            .map(|contact| Arc::new(contact.mesh))
     }
 
     /// The input from which the pair was computed.

@@ -5,6 +5,7 @@
 use proptest::prelude::*;
 use stats::streams::{Purpose, stream};
 
+use crate::corrections::Lead;
 use crate::general::{self, config, feasible};
 use crate::geometry::Geometry;
 use crate::input::{Discretisation, Kernel, Member, PairInput, ToothModel, Wear, WearLaw};
@@ -153,10 +154,10 @@ proptest! {
         let rising: Vec<f64> =
             path.s.iter().map(|s| 1e4 * (1.0 + (s - path.s_in) / path.base_pitch)).collect();
         let mut scratch = Scratch::default();
-        let constant = Mesh::slices(path.clone(), vec![1e4; zero.len()], 100.0, 0.0);
+        let constant = Mesh::slices(path.clone(), vec![1e4; zero.len()], 100.0, Lead::default());
         let flat = constant.solve(&zero, &mut scratch);
         prop_assert!(flat.max - flat.min < 1e-9 * flat.max);
-        let varying = Mesh::slices(path, rising, 100.0, 0.0).solve(&zero, &mut scratch);
+        let varying = Mesh::slices(path, rising, 100.0, Lead::default()).solve(&zero, &mut scratch);
         prop_assert!(varying.max - varying.min > 1e-3 * varying.max);
     }
 

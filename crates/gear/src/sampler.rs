@@ -2,8 +2,8 @@
 //!
 //! The gap of a sample is g(s) = W(s) [Θ1(θ1) + Θ2(θ2)] with W the depth of [`WearLaw`],
 //! θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the roll angles of the two gears and Θ1, Θ2 independent fields
-//! (see `field`). A multiplier below zero counts as zero. Profile slope deviations (see `manufacture`)
-//! are one more random term of g where they are asked for.
+//! (see `field`). A multiplier below zero counts as zero. Deviations of manufacture (see `manufacture`)
+//! are further random terms of g where they are asked for.
 
 use std::sync::Arc;
 
@@ -11,8 +11,8 @@ use rand::Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::field::Field;
-use crate::input::{Member, Wear, WearLaw};
-use crate::manufacture::{FlankClass, SlopeDeviations};
+use crate::input::{Member, ToothModel, Wear, WearLaw};
+use crate::manufacture::{Deviation, Deviations, Scatter};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
 use crate::wear::subtract_lowest;
@@ -24,9 +24,10 @@ pub struct WearProfile {
     pub roll: [Vec<f64>; 2],
     /// Wear depth on that gear's flank, mm; negative where material is added.
     pub depth: [Vec<f64>; 2],
-    /// Profile slope deviations f_Hα of both gears, mm; zero without a
-    /// [flank class](Pair::sampler_of_class).
+    /// Profile slope deviations f_Hα of both gears, mm; zero without [scatter](Scatter).
     pub slope_deviation: [f64; 2],
+    /// Growth of the gap along the face that helix slopes and misalignment make, mm; zero without scatter.
+    pub tilt: f64,
     /// ΔSTE of the pair with these deviations and worn like this, µm.
     pub delta_ste_um: f64,
 }
@@ -34,15 +35,16 @@ pub struct WearProfile {
 /// Draws randomly worn versions of one pair.
 ///
 /// A draw takes standard normals from the generator in a fixed order, the modes of the pinion's
-/// field, those of the gear's, and then one for each gear's slope deviation if these are random, so
+/// field, those of the gear's, and then one for each deviation of manufacture that is random, so
 /// equal generators give equal samples bit for bit, and equal wear with and without deviations.
 #[derive(Debug, Clone)]
 pub struct Sampler {
-    mesh: Arc<Mesh>,
+    /// `None` where the mean-worn flanks have no compliance that can be inverted: samples are NaN.
+    mesh: Option<Arc<Mesh>>,
     fields: [Field; 2],
     roll: [Vec<f64>; 2],
     depth: Vec<f64>,
-    slopes: Option<SlopeDeviations>,
+    deviations: Deviations,
     /// Whether the depth may be negative.
     signed: bool,
     relief: Vec<f64>,
@@ -50,7 +52,7 @@ pub struct Sampler {
     scale: f64,
     normals: Vec<f64>,
     theta: [Vec<f64>; 2],
-    slope_deviation: [f64; 2],
+    deviation: Deviation,
     gap: Vec<f64>,
     scratch: Scratch,
 }
@@ -69,19 +71,18 @@ impl Pair {
     /// NaN samples, never a panic.
     #[must_use]
     pub fn sampler(&self, wear: &Wear) -> Sampler {
-        self.sampler_of_class(wear, None)
+        self.sampler_with(wear, Scatter::default())
     }
 
-    /// As [`sampler`](Self::sampler), for gears whose profile slopes deviate at random within the
-    /// tolerance of this [class](FlankClass); without one they do not deviate.
+    /// As [`sampler`](Self::sampler), for gears that deviate at random by this scatter of manufacture.
     #[must_use]
-    pub fn sampler_of_class(&self, wear: &Wear, class: Option<FlankClass>) -> Sampler {
-        Sampler::new(self, wear, class)
+    pub fn sampler_with(&self, wear: &Wear, scatter: Scatter) -> Sampler {
+        Sampler::new(self, wear, scatter)
     }
 }
 
 impl Sampler {
-    fn new(pair: &Pair, wear: &Wear, class: Option<FlankClass>) -> Self {
+    fn new(pair: &Pair, wear: &Wear, scatter: Scatter) -> Self {
         let geometry = pair.geometry();
         let roll = Member::BOTH.map(|member| -> Vec<f64> {
             pair.mesh
@@ -99,29 +100,31 @@ impl Sampler {
             );
             Field::new(wear, interval, &roll[member.index()])
         });
+        let knows_face = pair.input().tooth_model != ToothModel::WholeFaceBeam;
+        let deviations = Deviations::new(scatter, geometry, pair.path(), knows_face);
+        let (mean_gap, _) = pair.worn_gap(wear, &pair.depth(wear));
         Self {
-            mesh: Arc::clone(&pair.mesh),
+            mesh: pair.mesh_of(&mean_gap, deviations.tilts()).ok(),
             fields,
             roll,
             depth: pair.depth(wear),
-            slopes: class.map(|class| SlopeDeviations::new(class, geometry, pair.path())),
+            deviations,
             signed: matches!(wear.law, WearLaw::Signed { .. }),
             relief: pair.relief.clone(),
             scale: pair.to_ste_um(1.0),
             normals: Vec::new(),
             theta: [Vec::new(), Vec::new()],
-            slope_deviation: [0.0; 2],
+            deviation: Deviation::default(),
             gap: Vec::new(),
             scratch: Scratch::default(),
         }
     }
 
-    /// Number of random numbers in a draw: the modes of both fields, and two for random slope
-    /// deviations.
+    /// Number of random numbers in a draw: the modes of both fields, and one for each deviation of
+    /// manufacture.
     #[must_use]
     pub fn modes(&self) -> usize {
-        let slopes = self.slopes.as_ref().map_or(0, |_| SlopeDeviations::MODES);
-        self.fields[0].rank() + self.fields[1].rank() + slopes
+        self.fields[0].rank() + self.fields[1].rank() + self.deviations.modes()
     }
 
     /// Share of the variance of each gear's multiplier, [pinion, gear], that the truncated
@@ -163,7 +166,7 @@ impl Sampler {
     }
 
     /// ΔSTE in µm of the pair worn according to the coefficients of the fields' modes, those of the
-    /// pinion's field first and those of the slope deviations last. Standard normal coefficients
+    /// pinion's field first and those of the deviations last. Standard normal coefficients
     /// make it a [`draw`](Self::draw), zeros Archard's wear. Missing coefficients count as zero;
     /// those beyond [`modes`](Self::modes) are ignored.
     pub fn at(&mut self, coefficients: &[f64]) -> f64 {
@@ -181,14 +184,19 @@ impl Sampler {
                 .zip(self.theta[0].iter().zip(&self.theta[1]))
                 .map(|((depth, relief), (a, b))| relief + depth * (a + b)),
         );
-        if let Some(slopes) = &self.slopes {
-            self.slope_deviation = slopes.of(rest);
-            slopes.add_to(&mut self.gap, self.slope_deviation);
+        self.deviation = self.deviations.of(rest);
+        let scatters = self.deviations.modes() > 0;
+        if scatters {
+            self.deviations
+                .add_to(&mut self.gap, self.deviation.profile);
         }
-        if self.signed || self.slopes.is_some() {
+        if self.signed || scatters {
             subtract_lowest(&mut self.gap);
         }
-        let extremes = self.mesh.solve(&self.gap, &mut self.scratch);
+        let Some(mesh) = &self.mesh else {
+            return f64::NAN;
+        };
+        let extremes = mesh.solve_tilted(&self.gap, self.deviation.tilt, &mut self.scratch);
         (extremes.max - extremes.min) * self.scale
     }
 
@@ -205,7 +213,8 @@ impl Sampler {
         WearProfile {
             roll: self.roll.clone(),
             depth: [worn(&self.theta[0]), worn(&self.theta[1])],
-            slope_deviation: self.slope_deviation,
+            slope_deviation: self.deviation.profile,
+            tilt: self.deviation.tilt,
             delta_ste_um,
         }
     }

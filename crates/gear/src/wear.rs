@@ -1,8 +1,10 @@
 //! The mean wear: its depth, and the analysis of the pair worn by it.
 
+use std::sync::Arc;
+
 use crate::analysis::{Analysis, pressures};
 use crate::input::{Wear, WearLaw};
-use crate::mesh::Scratch;
+use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
 
 /// A pair worn by the mean wear.
@@ -28,9 +30,10 @@ impl Pair {
     pub fn archard(&self, wear: &Wear) -> WornPair {
         let depth = self.depth(wear);
         let (gap, lowest) = self.worn_gap(wear, &depth);
+        let mesh = self.worn_mesh(&gap);
         let mut scratch = Scratch::default();
-        let extremes = self.mesh.solve(&gap, &mut scratch);
-        let carried = self.mesh.greatest_load(&gap, &scratch, extremes.max, false);
+        let extremes = mesh.solve(&gap, &mut scratch);
+        let carried = mesh.greatest_load(&gap, &scratch, extremes.max, false);
         let pressure = pressures(
             self.input(),
             self.geometry(),
@@ -40,7 +43,7 @@ impl Pair {
         WornPair {
             analysis: Analysis::new(
                 self.geometry(),
-                &self.mesh,
+                &mesh,
                 &scratch,
                 extremes,
                 lowest,
@@ -69,19 +72,13 @@ impl Pair {
             .zip(&self.relief)
             .map(|(gap, relief)| gap + relief)
             .collect();
+        let mesh = self.worn_mesh(&all);
         let mut scratch = Scratch::default();
-        let extremes = self.mesh.solve(&all, &mut scratch);
-        let carried = self.mesh.greatest_load(&all, &scratch, extremes.max, false);
+        let extremes = mesh.solve(&all, &mut scratch);
+        let carried = mesh.greatest_load(&all, &scratch, extremes.max, false);
         let s = self.path();
         let pressure = pressures(self.input(), self.geometry(), s, &carried);
-        Analysis::new(
-            self.geometry(),
-            &self.mesh,
-            &scratch,
-            extremes,
-            0.0,
-            &pressure,
-        )
+        Analysis::new(self.geometry(), &mesh, &scratch, extremes, 0.0, &pressure)
     }
 
     /// Hertz pressure on the flanks, MPa, with the mean wear or without any. Each place of the
@@ -94,12 +91,13 @@ impl Pair {
             None => self.relief.clone(),
         };
         let mut scratch = Scratch::default();
-        self.mesh.solve(&gap, &mut scratch);
+        let mesh = self.worn_mesh(&gap);
+        mesh.solve(&gap, &mut scratch);
         let s = &self.mesh.frame.path.s;
         let columns: Vec<Vec<f64>> = (0..parts)
             .map(|part| {
                 let across = (part as f64 + 0.5) / parts as f64;
-                let carried = self.mesh.load_across(&gap, &scratch, across);
+                let carried = mesh.load_across(&gap, &scratch, across);
                 pressures(self.input(), self.geometry(), s, &carried)
             })
             .collect();
@@ -108,9 +106,16 @@ impl Pair {
             .collect()
     }
 
+    /// The mesh of the worn flanks. Should wear make its compliance singular, the approach of the
+    /// unworn ones serves.
+    fn worn_mesh(&self, gap: &[f64]) -> Arc<Mesh> {
+        self.mesh_of(gap, false)
+            .unwrap_or_else(|_| Arc::clone(&self.mesh))
+    }
+
     /// The gap at the nodes with wear of this depth on both flanks, and the lowest gap, which is subtracted
     /// from it where the wear may add material; mm.
-    fn worn_gap(&self, wear: &Wear, depth: &[f64]) -> (Vec<f64>, f64) {
+    pub(crate) fn worn_gap(&self, wear: &Wear, depth: &[f64]) -> (Vec<f64>, f64) {
         let mut gap: Vec<f64> = depth
             .iter()
             .zip(&self.relief)

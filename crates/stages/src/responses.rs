@@ -390,7 +390,10 @@ mod tests {
         for (class, normal_states) in [(3, 0.9..1.1), (6, 0.6..0.8), (9, 0.45..0.65)] {
             let sections = campaign.gears_mut().unwrap();
             let flank_class = gear::FlankClass::new(class).unwrap();
-            sections.manufacture = Some(problem::file::Manufacture { flank_class });
+            sections.manufacture = Some(problem::file::Manufacture {
+                flank_class: Some(flank_class),
+                misalignment_um: None,
+            });
             let problem = Problem::new(campaign.clone());
             let base = problem.base().clone();
             let design = DesignRow {

@@ -145,8 +145,8 @@ fn draw(
     (purpose, number): (Purpose, u64),
     samples: Range<u32>,
 ) -> anyhow::Result<Vec<f64>> {
-    let class = problem.gears().and_then(Gears::flank_class);
-    let mut sampler = pair.sampler_of_class(wear, class);
+    let scatter = problem.gears().map(Gears::scatter).unwrap_or_default();
+    let mut sampler = pair.sampler_with(wear, scatter);
     let seed = problem.campaign().seed;
     samples
         .map(|index| {
@@ -206,10 +206,10 @@ pub fn indices(
         let samples = draw(problem, &pair, &wear, fields, number..number + 1)?;
         Ok(samples[0])
     };
-    // One stream per sample draws the wear and the slope deviations.
-    let field = match gears.flank_class() {
-        Some(_) => "wear field and profile slopes",
-        None => "wear field",
+    // One stream per sample draws the wear and the deviations of manufacture.
+    let field = match gears.scatter() == gear::Scatter::default() {
+        true => "wear field",
+        false => "wear field and manufacture",
     };
     let with_field = [&inputs[..], &[field.to_owned()]].concat();
     let seed = problem.campaign().seed;
@@ -506,7 +506,10 @@ mod tests {
         let (perfect, optimum) = figure_9();
         let mut campaign = perfect.campaign().clone();
         let flank_class = gear::FlankClass::new(9).unwrap();
-        let manufacture = problem::file::Manufacture { flank_class };
+        let manufacture = problem::file::Manufacture {
+            flank_class: Some(flank_class),
+            misalignment_um: None,
+        };
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);
         let rows = scenarios(&problem, &optimum).unwrap();

@@ -101,21 +101,38 @@ pub struct Figures {
     p90_interval_um: Option<[f64; 2]>,
 }
 
-/// The scatter of manufacture in the samples: profile slopes, and nothing else.
+/// The scatter of manufacture in the samples: slopes, and nothing else. Each deviation lies within ± its
+/// tolerance, three standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Scatter {
     /// Flank tolerance class of ISO 1328-1.
-    flank_class: u32,
-    /// f_HαT of each gear; its deviation lies within ± that, three standard deviations.
-    slope_tolerance_um: [f64; 2],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flank_class: Option<u32>,
+    /// f_HαT of each gear.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    slope_tolerance_um: Option<[f64; 2]>,
+    /// f_HβT of each gear; absent with a tooth model that has one gap for the whole face.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    helix_slope_tolerance_um: Option<[f64; 2]>,
+    /// Tolerance of the misalignment of the shafts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    misalignment_um: Option<f64>,
 }
 
 impl Scatter {
-    fn of(class: gear::FlankClass, geometry: &Geometry) -> Self {
-        Self {
-            flank_class: class.number(),
-            slope_tolerance_um: class.slope_tolerances(geometry).map(|mm| 1e3 * mm),
-        }
+    fn of(file: &PairFile, geometry: &Geometry) -> Option<Self> {
+        let scatter = file.scatter();
+        let class = scatter.flank_class;
+        let knows_face = file.pair.tooth_model != gear::ToothModel::WholeFaceBeam;
+        let um = |tolerances: [f64; 2]| tolerances.map(|mm| 1e3 * mm);
+        file.manufacture.map(|_| Self {
+            flank_class: class.map(gear::FlankClass::number),
+            slope_tolerance_um: class.map(|class| um(class.slope_tolerances(geometry))),
+            helix_slope_tolerance_um: class
+                .filter(|_| knows_face)
+                .map(|class| um(class.helix_slope_tolerances(geometry))),
+            misalignment_um: Some(1e3 * scatter.misalignment).filter(|um| knows_face && *um > 0.0),
+        })
     }
 }
 
@@ -210,7 +227,7 @@ fn pair(file: &PairFile) -> Result<Pair, gear::Error> {
     Pair::with_corrections(
         &file.to_gear(),
         &file.corrections(),
-        &Discretisation::default(),
+        &Discretisation::of(file.pair.tooth_model),
     )
 }
 
@@ -286,10 +303,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             value: analysis.ste_um,
         },
         delta_ste_um: analysis.delta_ste_um,
-        manufacture: file
-            .flank_class()
-            .filter(|_| samples.is_some())
-            .map(|class| Scatter::of(class, geometry)),
+        manufacture: Scatter::of(file, geometry).filter(|_| samples.is_some()),
         samples_um: samples,
         mean_um: moments.map(|(mean, _)| mean),
         sd_um: moments.map(|(_, sd)| sd),

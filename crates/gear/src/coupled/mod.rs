@@ -28,8 +28,7 @@ mod active_set;
 pub(crate) mod body;
 mod face;
 mod grid;
-
-use nalgebra::DMatrix;
+mod inverse;
 
 use crate::balance::Extremes;
 use crate::beyond::Beyond;
@@ -42,6 +41,7 @@ use active_set::Stiffness;
 use body::{Body, FAR};
 use face::Face;
 use grid::{Cell, Strip};
+use inverse::invert;
 
 /// Contact reaches beyond the path to where the tip corner is apart by this many mean deflections.
 const REACH: f64 = 2.5;
@@ -343,15 +343,19 @@ impl Parts<'_> {
             .collect();
         let elastic = self.compliance(cells, &nodes);
         let mut stiffness = Stiffness::default();
+        let mut column = Vec::new();
         for _ in 0..LOAD_ROUNDS {
-            let mut compliance = elastic.clone();
+            let mut matrix = elastic.clone();
             for (i, ((cell, node), &w)) in cells.iter().zip(&nodes).zip(&loads).enumerate() {
-                compliance[(i, i)] += self.elastic.contact(node, w) / self.strips[cell.strip].line;
+                matrix[i * n + i] += self.elastic.contact(node, w) / self.strips[cell.strip].line;
             }
-            let inverse = compliance.cholesky()?.inverse();
+            pulp::Arch::new()
+                .dispatch(|| invert(&mut matrix, n, &mut column))
+                .then_some(())?;
+            let sums = matrix.chunks_exact(n).map(|row| row.iter().sum());
             stiffness = Stiffness {
-                sums: inverse.row_iter().map(|row| row.sum()).collect(),
-                matrix: inverse.as_slice().to_vec(),
+                sums: sums.collect(),
+                matrix,
             };
             memory.balance(&stiffness, gaps, load, |i| !touches(i));
             let mut change = 0.0_f64;
@@ -369,12 +373,13 @@ impl Parts<'_> {
     }
 
     /// The compliance of the cells without the contact's approach, mm/N.
-    fn compliance(&self, cells: &[Cell], nodes: &[NodeCompliance]) -> DMatrix<f64> {
+    fn compliance(&self, cells: &[Cell], nodes: &[NodeCompliance]) -> Vec<f64> {
         let geometry = self.elastic.geometry;
         let material = &self.elastic.input.material;
         let (youngs, nu) = (material.youngs_modulus_mpa, material.poisson_ratio);
         let b = geometry.face_width;
-        let mut compliance = DMatrix::zeros(cells.len(), cells.len());
+        let n = cells.len();
+        let mut compliance = vec![0.0; n * n];
         for (a, one) in cells.iter().enumerate() {
             for (c, other) in cells[..=a].iter().enumerate() {
                 let (za, zc) = (one.strip, other.strip);
@@ -422,8 +427,7 @@ impl Parts<'_> {
                     .iter()
                     .sum();
                 let value = sum * geometry.beta_b.cos();
-                compliance[(a, c)] = value;
-                compliance[(c, a)] = value;
+                compliance[a * n + c] = value;
             }
         }
         compliance

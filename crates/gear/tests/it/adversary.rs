@@ -201,6 +201,7 @@ pub(crate) fn input(rng: &mut StreamRng) -> PairInput {
         tool_dedendum,
         tip_radius,
         root_radius,
+        hub_radius: [None; 2],
         tip_diameter: [0, 1].map(|i| {
             (rng.random_range(0..12) == 0).then(|| m * f64::from(teeth[i]) * ranged(rng, 0.9, 1.2))
         }),

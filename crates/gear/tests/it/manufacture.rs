@@ -22,7 +22,7 @@ fn class(number: u32) -> FlankClass {
 /// ΔSTE in µm with the mean wear and the slope deviations `f`, mm.
 fn deviated(pair: &Pair, wear: &Wear, f: [f64; 2]) -> f64 {
     let six = class(6);
-    let mut sampler = pair.sampler_of_class(wear, Some(six));
+    let mut sampler = pair.sampler_with(wear, gear::Scatter::of_class(six));
     let tolerances = six.slope_tolerances(pair.geometry());
     let mut coefficients = vec![0.0; sampler.modes() - 2];
     coefficients.extend([0, 1].map(|gear| f[gear] * TOLERANCE_IN_SD / tolerances[gear]));
@@ -200,8 +200,8 @@ fn deviations_come_after_the_wear_and_leave_it_alone() {
     let pair = pair(&figure_7());
     let six = class(6);
     let mut plain = pair.sampler(&WEAR);
-    let mut none = pair.sampler_of_class(&WEAR, None);
-    let mut scattered = pair.sampler_of_class(&WEAR, Some(six));
+    let mut none = pair.sampler_with(&WEAR, gear::Scatter::default());
+    let mut scattered = pair.sampler_with(&WEAR, gear::Scatter::of_class(six));
     assert_eq!(plain.modes(), none.modes());
     assert_eq!(plain.modes() + 2, scattered.modes());
     let tolerances = six.slope_tolerances(pair.geometry());
@@ -248,7 +248,7 @@ fn both_laws_of_wear_take_deviations_on_the_converged_grid() {
         let coarse = Pair::new(&figure_7(), &Discretisation::default()).unwrap();
         for k in 0..20 {
             let draw = |pair: &Pair| {
-                let mut sampler = pair.sampler_of_class(&wear, Some(class(6)));
+                let mut sampler = pair.sampler_with(&wear, gear::Scatter::of_class(class(6)));
                 sampler.draw(&mut stream(1, Purpose::Test, 3, k))
             };
             let (fine, coarse) = (draw(&converged), draw(&coarse));

@@ -28,6 +28,7 @@ fn input(case: &Value) -> PairInput {
         tool_dedendum: two(&case["hf0"]),
         tip_radius: [0.0; 2],
         root_radius: two(&case["rho_f"]).map(|rho| rho * m),
+        hub_radius: [None; 2],
         tip_diameter: [0, 1].map(|i| case["da"][i].as_f64()),
         pinion_torque: case["T1"].as_f64().unwrap_or(200e3),
         material: Material {

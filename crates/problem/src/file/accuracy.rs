@@ -16,17 +16,18 @@ pub(super) struct AccuracySection {
     pub(super) tolerance_um: Option<f64>,
     /// Cells along the path of contact; 64 if absent.
     pub(super) cells: Option<u32>,
-    /// Mesh phases in one base pitch; 32 if absent.
+    /// Mesh phases in one base pitch; if absent 24 with the tooth model `coupled`, 32 with others.
     pub(super) phases: Option<u32>,
 }
 
-impl From<AccuracySection> for Discretisation {
-    fn from(section: AccuracySection) -> Self {
-        let default = Self::default();
+impl AccuracySection {
+    /// The grid for pairs of this tooth model.
+    pub(super) fn grid(self, model: gear::ToothModel) -> Discretisation {
+        let default = Discretisation::of(model);
         let or = |count: Option<u32>, default| count.map_or(default, |count| count as usize);
-        Self {
-            cells: or(section.cells, default.cells),
-            phases: or(section.phases, default.phases),
+        Discretisation {
+            cells: or(self.cells, default.cells),
+            phases: or(self.phases, default.phases),
         }
     }
 }

@@ -61,6 +61,13 @@ pub struct PairCorrections {
     pub tip_relief_shape: Option<ReliefShape>,
     /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
     pub crowning_um: Option<f64>,
+    /// Helix slope of both flanks together in µm over the face: how much more material is missing at the end
+    /// of the face that a contact line reaches last. Positive as for a pinion whose helix angle is too large,
+    /// f_Hβ > 0 in ISO 1328-1.
+    pub helix_slope_um: Option<f64>,
+    /// Misalignment of the shafts in µm over the face, in the plane of action, with the sign of the helix
+    /// slope.
+    pub misalignment_um: Option<f64>,
 }
 
 impl PairCorrections {
@@ -82,8 +89,24 @@ impl PairCorrections {
                 source.within("corrections.tip_relief_length_mm", length, low, high, "mm")?;
             }
         }
+        let slope = |key: &str, value: Option<f64>| {
+            value.map_or(Ok(()), |um| source.within(key, um, -MOST_UM, MOST_UM, "µm"))
+        };
+        slope("corrections.helix_slope_um", self.helix_slope_um)?;
+        slope("corrections.misalignment_um", self.misalignment_um)?;
         self.crowning_um
             .map_or(Ok(()), |um| amount("corrections.crowning_um", um))
+    }
+
+    /// The corrections that change along the face, by key and amount, µm; zeros are left out.
+    pub(super) fn along_face(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        [
+            ("corrections.crowning_um", self.crowning_um),
+            ("corrections.helix_slope_um", self.helix_slope_um),
+            ("corrections.misalignment_um", self.misalignment_um),
+        ]
+        .into_iter()
+        .filter_map(|(key, um)| um.filter(|um| *um != 0.0).map(|um| (key, um)))
     }
 
     /// The section of a pair with these corrections; `None` without any.
@@ -97,11 +120,14 @@ impl PairCorrections {
         let of = |value: fn(gear::TipRelief) -> f64| {
             given.map(|_| relief.map(|relief| relief.map_or(0.0, value)))
         };
+        let um = |mm: f64| Some(1e3 * mm).filter(|um| *um != 0.0);
         Some(Self {
             tip_relief_um: of(|relief| 1e3 * relief.amount),
             tip_relief_length_mm: of(|relief| relief.length),
             tip_relief_shape: given.map(|relief| relief.shape),
-            crowning_um: Some(1e3 * corrections.crowning).filter(|crowning| *crowning > 0.0),
+            crowning_um: um(corrections.crowning),
+            helix_slope_um: um(corrections.helix_slope),
+            misalignment_um: um(corrections.misalignment),
         })
     }
 
@@ -111,8 +137,11 @@ impl PairCorrections {
         let amounts = self.tip_relief_um.unwrap_or_default();
         let lengths = self.tip_relief_length_mm.unwrap_or_default();
         let shape = self.tip_relief_shape.unwrap_or_default();
-        let crowning = self.crowning_um.unwrap_or_default() * 1e-3;
-        let none = gear::Corrections::default().with_crowning(crowning);
+        let mm = |um: Option<f64>| um.unwrap_or_default() * 1e-3;
+        let none = gear::Corrections::default()
+            .with_crowning(mm(self.crowning_um))
+            .with_helix_slope(mm(self.helix_slope_um))
+            .with_misalignment(mm(self.misalignment_um));
         gear::Member::BOTH.into_iter().fold(none, |all, member| {
             let index = member.index();
             let relief = gear::TipRelief {
@@ -134,7 +163,7 @@ const MOST_UM: f64 = 1000.0;
 /// Shortest and longest relieved part, in mm along the path of contact.
 const RELIEF_LENGTH_MM: [f64; 2] = [1e-3, 1000.0];
 
-/// The valid `corrections.crowning_um` with a tooth model that has one gap for the whole face.
+/// The valid corrections along the face with a tooth model that has one gap for the whole face.
 pub(super) const WITHOUT_CROWNING: &str = "absent when pair.tooth_model is \"whole-face-beam\", which \
                                            has one gap for the whole face";
 

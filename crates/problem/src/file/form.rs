@@ -185,6 +185,7 @@ impl From<Form> for Campaign {
 
 impl From<GearFile> for Campaign {
     fn from(file: GearFile) -> Self {
+        let grid = file.accuracy.grid(file.pair.tooth_model);
         let sections = GearSections {
             pair: file.pair,
             load: file.load,
@@ -197,7 +198,7 @@ impl From<GearFile> for Campaign {
             penalty: file.penalty,
             report: file.report,
             corrections: file.corrections,
-            grid: file.accuracy.into(),
+            grid,
         };
         Self {
             name: file.name,

@@ -85,6 +85,9 @@ pub struct Pair {
     pub tooth_model: gear::ToothModel,
     /// Treatment of a tip that reaches the mate's root.
     pub tip_rule: gear::TipRule,
+    /// Radii at which the bodies of both gears are clamped, mm: their bores, or the hubs of stiff shafts. If
+    /// absent, 3.5 modules below the root circle. Only the tooth model `coupled` knows of them.
+    pub hub_radius_mm: Option<[f64; 2]>,
 }
 
 /// `[report]`
@@ -117,6 +120,12 @@ impl GearSections {
         self.load.validate(source)?;
         self.material.validate(source)?;
         wear::validate(&self.wear, source)?;
+        if let Some(manufacture) = &self.manufacture {
+            manufacture.validate(source)?;
+        }
+        for radius in self.pair.hub_radius_mm.into_iter().flatten() {
+            source.length("pair.hub_radius_mm", radius)?;
+        }
         self.constraints.validate(source)?;
         let pair = &self.pair;
         let sizes_given = pair.centre_distance_mm.is_some() && pair.normal_module_mm.is_some();
@@ -125,7 +134,7 @@ impl GearSections {
             frozen.validate(source, &self.bounds)?;
         }
         accuracy::validate(&self.grid, source)?;
-        if is_external && self.grid != gear::Discretisation::default() {
+        if is_external && self.grid != gear::Discretisation::of(self.pair.tooth_model) {
             return Err(source.error(Invalid::in_words(
                 "accuracy",
                 "present",

@@ -68,6 +68,9 @@ pub struct PairSection {
     /// Treatment of a tip that reaches the mate's root.
     #[serde(default)]
     pub tip_rule: gear::TipRule,
+    /// Radii at which the bodies of both gears are clamped, mm: their bores, or the hubs of stiff shafts. If
+    /// absent, 3.5 modules below the root circle. Only the tooth model `coupled` knows of them.
+    pub hub_radius_mm: Option<[f64; 2]>,
 }
 
 impl PairFile {
@@ -115,6 +118,9 @@ impl PairFile {
             if let Some(diameters) = pair.tip_diameter_mm {
                 source.length("pair.tip_diameter_mm", diameters[gear])?;
             }
+            if let Some(radii) = pair.hub_radius_mm {
+                source.length("pair.hub_radius_mm", radii[gear])?;
+            }
         }
         self.load.validate(source)?;
         self.material.validate(source)?;
@@ -122,37 +128,36 @@ impl PairFile {
         if let Some(constraints) = &self.constraints {
             constraints.validate(source)?;
         }
+        if let Some(manufacture) = &self.manufacture {
+            manufacture.validate(source)?;
+        }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;
-            self.crowning(source)?;
+            self.along_face(source)?;
         }
         Ok(())
     }
 
-    /// Refuses a crowning that the simulator cannot integrate.
-    fn crowning(&self, source: Source<'_>) -> Result<(), FileError> {
-        /// Maximum number of tooth pairs in contact at a time with a crowning.
+    /// Refuses corrections along the face that the simulator cannot integrate.
+    fn along_face(&self, source: Source<'_>) -> Result<(), FileError> {
+        /// Maximum number of tooth pairs in contact at a time with a correction along the face.
         const MOST_PAIRS: f64 = 100.0;
-        let sections = self.corrections.as_ref();
-        let crowning_um = sections.and_then(|c| c.crowning_um).unwrap_or_default();
-        let crowned = crowning_um > 0.0;
         let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam;
-        source.require(
-            !(crowned && whole_face),
-            "corrections.crowning_um",
-            crowning_um,
-            WITHOUT_CROWNING,
-        )?;
         let contact_ratio = || gear::Geometry::new(&self.to_gear()).map(|g| g.contact_ratio);
-        source.require(
-            !(crowned && contact_ratio().is_ok_and(|ratio| ratio > MOST_PAIRS)),
-            "corrections.crowning_um",
-            crowning_um,
-            "absent or 0 for a pair whose contact ratio exceeds 100",
-        )
+        let sections = self.corrections.iter();
+        for (key, um) in sections.flat_map(PairCorrections::along_face) {
+            source.require(!whole_face, key, um, WITHOUT_CROWNING)?;
+            source.require(
+                contact_ratio().map_or(true, |ratio| ratio <= MOST_PAIRS),
+                key,
+                um,
+                "absent or 0 for a pair whose contact ratio exceeds 100",
+            )?;
+        }
+        Ok(())
     }
 
-    /// The simulator's tip relief and crowning, in mm; without effect if there is no
+    /// The simulator's corrections, in mm; without effect if there is no
     /// `[corrections]`.
     #[must_use]
     pub fn corrections(&self) -> gear::Corrections {
@@ -161,16 +166,16 @@ impl PairFile {
             .map_or_else(gear::Corrections::default, PairCorrections::to_gear)
     }
 
-    /// The flank class of both gears, if the file gives one.
+    /// The scatter of manufacture; none without `[manufacture]`.
     #[must_use]
-    pub fn flank_class(&self) -> Option<gear::FlankClass> {
-        self.manufacture.map(|section| section.flank_class)
+    pub fn scatter(&self) -> gear::Scatter {
+        self.manufacture.unwrap_or_default().to_gear()
     }
 
-    /// A sampler of random flanks of the file's pair, with its wear and its flank class.
+    /// A sampler of random flanks of the file's pair, with its wear and its scatter of manufacture.
     #[must_use]
     pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
-        pair.sampler_of_class(&self.wear, self.flank_class())
+        pair.sampler_with(&self.wear, self.scatter())
     }
 
     /// The limits that the file gives, all absent without `[constraints]`.
@@ -219,6 +224,9 @@ impl PairFile {
             tip_diameter: pair
                 .tip_diameter_mm
                 .map_or([None; 2], |diameters| diameters.map(Some)),
+            hub_radius: pair
+                .hub_radius_mm
+                .map_or([None; 2], |radii| radii.map(Some)),
             tooth_model: pair.tooth_model,
             tip_rule: pair.tip_rule,
             pinion_torque: self.load.pinion_torque_nm * 1e3,

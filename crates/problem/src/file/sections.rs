@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use super::validate::Source;
+use super::validate::{Invalid, Source};
 
 /// `[load]`
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -16,12 +16,15 @@ pub struct Load {
     pub pinion_torque_nm: f64,
 }
 
-/// `[manufacture]`, optional. Without it flanks are as designed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+/// `[manufacture]`, optional. Without it flanks are as designed and shafts parallel.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Manufacture {
     /// Flank tolerance class of both gears by ISO 1328-1, from 1, the finest, to 11.
-    pub flank_class: gear::FlankClass,
+    pub flank_class: Option<gear::FlankClass>,
+    /// Tolerance ± of the misalignment of the shafts over the face width, µm in the plane of action; three
+    /// standard deviations.
+    pub misalignment_um: Option<f64>,
 }
 
 impl Load {
@@ -34,11 +37,43 @@ impl Manufacture {
     /// The random effects besides the wear, and the neglected ones, in words.
     #[must_use]
     pub fn describe(&self) -> String {
+        let class = self.flank_class.map(|class| {
+            format!(
+                "flank class {} of ISO 1328-1: profile and helix slopes deviate at random, alike on all \
+                 teeth of a gear",
+                class.number()
+            )
+        });
+        let misalignment = self
+            .misalignment_um
+            .map(|um| format!("shafts out of line by up to {um} µm over the face"));
+        let known: Vec<String> = class.into_iter().chain(misalignment).collect();
         format!(
-            "flank class {} of ISO 1328-1: profile slopes deviate at random, alike on all teeth of a \
-             gear; no pitch, form or helix deviations, no dynamics",
-            self.flank_class.number()
+            "{}; no pitch or form deviations, no dynamics",
+            known.join("; ")
         )
+    }
+
+    /// The scatter as the simulator's input.
+    #[must_use]
+    pub fn to_gear(&self) -> gear::Scatter {
+        gear::Scatter {
+            flank_class: self.flank_class,
+            misalignment: 1e-3 * self.misalignment_um.unwrap_or_default(),
+        }
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        if self.flank_class.is_none() && self.misalignment_um.is_none() {
+            return Err(source.error(Invalid::in_words(
+                "manufacture",
+                "empty",
+                "a section with flank_class, misalignment_um or both",
+            )));
+        }
+        self.misalignment_um.map_or(Ok(()), |um| {
+            source.within("manufacture.misalignment_um", um, 0.0, 1000.0, "µm")
+        })
     }
 }
 

@@ -47,7 +47,9 @@ impl Gears {
             tip_radius: [0.0; 2],
             root_radius: [0.1; 2],
             tip_diameter: [None; 2],
-            hub_radius: [None; 2],
+            hub_radius: pair
+                .hub_radius_mm
+                .map_or([None; 2], |radii| radii.map(Some)),
             tooth_model: pair.tooth_model,
             tip_rule: pair.tip_rule,
             pinion_torque: sections.load.pinion_torque_nm * 1e3,
@@ -60,16 +62,16 @@ impl Gears {
         }
     }
 
-    /// The flank class of both gears, if the campaign gives one.
+    /// The scatter of manufacture; none without `[manufacture]`.
     #[must_use]
-    pub fn flank_class(&self) -> Option<gear::FlankClass> {
-        self.sections.manufacture.map(|section| section.flank_class)
+    pub fn scatter(&self) -> gear::Scatter {
+        self.sections.manufacture.unwrap_or_default().to_gear()
     }
 
-    /// A sampler of random flanks of a pair, with the campaign's wear and its flank class.
+    /// A sampler of random flanks of a pair, with the campaign's wear and its scatter of manufacture.
     #[must_use]
     pub fn sampler(&self, pair: &gear::Pair) -> gear::Sampler {
-        pair.sampler_of_class(&self.sections.wear, self.flank_class())
+        pair.sampler_with(&self.sections.wear, self.scatter())
     }
 
     /// The wear field.

@@ -58,7 +58,10 @@ fn a_flank_class_changes_the_samples_alone() {
     let perfect = problem();
     let mut campaign = perfect.campaign().clone();
     let flank_class = gear::FlankClass::new(6).unwrap();
-    campaign.gears_mut().unwrap().manufacture = Some(crate::file::Manufacture { flank_class });
+    campaign.gears_mut().unwrap().manufacture = Some(crate::file::Manufacture {
+        flank_class: Some(flank_class),
+        misalignment_um: None,
+    });
     let problem = Problem::new(campaign);
     let source = Source::Design(asked());
     let parts = |problem: &Problem| match compute(problem, &design(2..7), &source).unwrap() {
@@ -72,7 +75,7 @@ fn a_flank_class_changes_the_samples_alone() {
     assert!(with.1.iter().zip(&without.1).all(|(a, b)| a != b));
     let gears = problem.gears().unwrap();
     let pair = gears.pair(&asked()).unwrap();
-    let mut sampler = pair.sampler_of_class(gears.wear(), gear::FlankClass::new(6));
+    let mut sampler = pair.sampler_with(gears.wear(), gears.scatter());
     let seed = problem.campaign().seed;
     let drawn = (2..7).map(|index| sampler.draw(&mut stream(seed, Purpose::Wear, 3, index)));
     assert_eq!(with.1, drawn.collect::<Vec<f64>>());

@@ -20,7 +20,7 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
             facts.push(("tooth model".to_owned(), model.to_string()));
         }
         let grid = sections.grid;
-        if grid != Discretisation::default() {
+        if grid != Discretisation::of(sections.pair.tooth_model) {
             let grid = format!("{} cells, {} phases", grid.cells, grid.phases);
             facts.push(("grid".to_owned(), grid));
         }

@@ -50,9 +50,9 @@ pub(super) fn profiles(snapshot: &Snapshot) -> Option<WearProfiles> {
     if worn.depth.len() != roll.len() {
         return None;
     }
-    let slopes = match gears.flank_class() {
-        Some(_) => ", without its slope deviations",
-        None => "",
+    let slopes = match gears.scatter() == gear::Scatter::default() {
+        true => "",
+        false => ", without its deviations of manufacture",
     };
     let random = profiles.iter();
     Some(WearProfiles {

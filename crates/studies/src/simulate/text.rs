@@ -118,17 +118,29 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
     );
     line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
     if let Some(scatter) = &figures.manufacture {
-        let [pinion, mate] = scatter.slope_tolerance_um;
-        line(
-            "flank class of ISO 1328-1",
-            format!(
-                "{}: profile slopes within ±{pinion:.2}, ±{mate:.2} µm",
-                scatter.flank_class
-            ),
-        );
+        if let (Some(class), Some([pinion, mate])) =
+            (scatter.flank_class, scatter.slope_tolerance_um)
+        {
+            let helix = scatter
+                .helix_slope_tolerance_um
+                .map(|[pinion, mate]| format!("; helix slopes within ±{pinion:.2}, ±{mate:.2} µm"));
+            line(
+                "flank class of ISO 1328-1",
+                format!(
+                    "{class}: profile slopes within ±{pinion:.2}, ±{mate:.2} µm{}",
+                    helix.unwrap_or_default()
+                ),
+            );
+        }
+        if let Some(um) = scatter.misalignment_um {
+            line(
+                "misalignment of the shafts",
+                format!("within ±{um} µm over the face"),
+            );
+        }
         line(
             "not in the random ΔSTE",
-            "pitch, form and helix deviations, dynamics".to_owned(),
+            "pitch and form deviations, dynamics".to_owned(),
         );
     }
     if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {

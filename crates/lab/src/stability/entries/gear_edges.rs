@@ -94,6 +94,7 @@ fn contact_ratio_one(outcome: &mut Outcome) -> Result<(), EntryError> {
         helix_angle: 0.0,
         tip_radius: [0.0; 2],
         tip_diameter: [Some(50.8 - cut), Some(78.4 - cut)],
+        hub_radius: [None; 2],
         ..plain()
     };
     let ratio = |cut: f64| match pair(&input(cut)) {

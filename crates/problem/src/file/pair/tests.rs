@@ -109,12 +109,15 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
         assert_eq!(&file.wear, gears.wear());
         assert_eq!(file.corrections(), gear::Corrections::default());
         assert_eq!(file.limits(), sections.constraints);
-        assert_eq!(file.flank_class(), gears.flank_class());
+        assert_eq!(file.scatter(), gears.scatter());
         let mut of_class = sections.clone();
         let flank_class = gear::FlankClass::new(6).unwrap();
-        of_class.manufacture = Some(Manufacture { flank_class });
+        of_class.manufacture = Some(Manufacture {
+            flank_class: Some(flank_class),
+            misalignment_um: None,
+        });
         let file = parse(&PairFile::of_design(&of_class, &design.gears()).to_toml()).unwrap();
-        assert_eq!(file.flank_class(), gear::FlankClass::new(6));
+        assert_eq!(file.scatter().flank_class, gear::FlankClass::new(6));
     }
     let full = parse(FULL).unwrap();
     assert_eq!(parse(&full.to_toml()).unwrap(), full);

@@ -29,6 +29,7 @@ impl PairFile {
                 tip_diameter_mm: None,
                 tooth_model: pair.tooth_model,
                 tip_rule: pair.tip_rule,
+                hub_radius_mm: pair.hub_radius_mm,
             },
             load: sections.load,
             material: sections.material,
