@@ -91,3 +91,65 @@ fn separation(geometry: &Geometry, member: Member, x: f64) -> f64 {
     let flank = roll.atan() - roll + (geometry.path_length - end - x) / r_b_mate;
     r_b_mate * (flank - (-across).atan2(-along)).abs()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::general;
+
+    /// The corner leaves its path along the tangent of the mate's flank: the separation starts with the
+    /// square of the distance, and the mate's flank, turned until it touches the corner, is on it.
+    #[test]
+    fn tip_corners_part_slowly_from_the_mates_flank() {
+        let geometry = Geometry::new(&general::plain()).unwrap();
+        for member in Member::BOTH {
+            let at = |x: f64| separation(&geometry, member, x);
+            assert!(at(0.0).abs() < 1e-12);
+            let (near, far) = (at(0.01), at(0.02));
+            assert!((far / near - 4.0).abs() < 0.1, "{near} {far}");
+            // Turning the mate by the separation over its base radius brings its involute to the corner.
+            let (own, mate) = (member.index(), 1 - member.index());
+            let (r_b, r_b_mate) = (geometry.r_b[own], geometry.r_b[mate]);
+            let end = geometry.tangent_length(
+                member,
+                if member == Member::Pinion {
+                    geometry.s_out
+                } else {
+                    geometry.s_in
+                },
+            );
+            let x = 0.2 * geometry.base_pitch;
+            let involute = |roll: f64, turn: f64, r: f64| {
+                // Contact point on the line of action at the roll angle `roll`, turned back with the gear.
+                let angle = roll.atan() - roll + turn;
+                let radius = r * roll.hypot(1.0);
+                [radius * angle.sin(), radius * angle.cos()]
+            };
+            let corner = involute(end / r_b, (end + x) / r_b, r_b);
+            let distance = |roll: f64, turn: f64| {
+                let turned = (geometry.path_length - end - x + turn) / r_b_mate;
+                let [across, along] = involute(roll, turned, r_b_mate);
+                // The mate's axis is at (L, r_b1 + r_b2), its flank faces back.
+                let [dx, dy] = [
+                    geometry.path_length - across - corner[0],
+                    r_b + r_b_mate - along - corner[1],
+                ];
+                dx.hypot(dy)
+            };
+            let least = |turn: f64| {
+                (0..20_000)
+                    .map(|k| distance(f64::from(k) * 1e-4, turn))
+                    .fold(f64::INFINITY, f64::min)
+            };
+            assert!(at(x) > 0.02);
+            let apart = least(0.0);
+            assert!(
+                (apart / at(x) - 1.0).abs() < 0.05,
+                "{member}: {apart} {}",
+                at(x)
+            );
+            let closed = least(at(x)).min(least(-at(x)));
+            assert!(closed < 2e-3, "{member}: {closed}");
+        }
+    }
+}

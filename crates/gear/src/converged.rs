@@ -2,7 +2,7 @@
 
 use crate::corrections::Corrections;
 use crate::error::Error;
-use crate::input::{Discretisation, PairInput, Wear};
+use crate::input::{Discretisation, PairInput, ToothModel, Wear};
 use crate::pair::Pair;
 
 /// Cells and phases of the first grid.
@@ -13,6 +13,16 @@ const START: Discretisation = Discretisation {
 
 /// The most doublings: up to 32 768 cells and 16 384 phases.
 const DOUBLINGS: usize = 7;
+
+/// First grid and most doublings of coupled cells, whose matrices grow with the square of the phases: up
+/// to 96 of them.
+const COUPLED: (Discretisation, usize) = (
+    Discretisation {
+        cells: 64,
+        phases: 24,
+    },
+    2,
+);
 
 /// Fraction of the mean transmission error below which ΔSTE is rounding, not variation. The change
 /// of such a ΔSTE is relative to this fraction of the mean instead of to ΔSTE.
@@ -33,7 +43,8 @@ pub struct ConvergedPair {
 impl Pair {
     /// The reference solution: doubles cells and phases until ΔSTE, unworn and worn by Archard's
     /// law with `wear`, changes by less than `tolerance` (relative; 1e-6 is reached by all but
-    /// degenerate pairs), or until the grid has 32 768 cells. [`ConvergedPair::change`] is the change
+    /// degenerate pairs, and by no coupled ones), or until the grid has 32 768 cells, with
+    /// [`ToothModel::Coupled`] 96 phases. [`ConvergedPair::change`] is the change
     /// that was reached.
     ///
     /// The error of a pair with kinks that the grid does not know falls with the square of the cell
@@ -61,7 +72,10 @@ impl Pair {
         tolerance: f64,
     ) -> Result<ConvergedPair, Error> {
         wear.validate()?;
-        let mut discretisation = START;
+        let (mut discretisation, doublings) = match input.tooth_model {
+            ToothModel::Coupled => COUPLED,
+            _ => (START, DOUBLINGS),
+        };
         let build = |disc: &Discretisation| Self::with_corrections(input, corrections, disc);
         let mut pair = build(&discretisation)?;
         let variations = |pair: &Self| {
@@ -74,7 +88,7 @@ impl Pair {
         };
         let mut last = variations(&pair);
         let mut change = f64::INFINITY;
-        for _ in 0..DOUBLINGS {
+        for _ in 0..doublings {
             discretisation.cells *= 2;
             discretisation.phases *= 2;
             pair = build(&discretisation)?;

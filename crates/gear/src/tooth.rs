@@ -73,10 +73,10 @@ pub(crate) struct Station {
     pub(crate) n0: f64,
 }
 
-/// Displacement at one station for a load at another, per line load, mm per N/mm: bending, and the
-/// rest of Weber and Banaschek's terms. The formula for one place holds for two if every product of
+/// Displacement at one station for a load at another, per line load and times Young's modulus: bending, and
+/// the rest of Weber and Banaschek's terms. The formula for one place holds for two if every product of
 /// the place with itself becomes one of both places, and bending is integrated up to the lower one.
-pub(crate) fn influence(a: &Station, b: &Station, youngs: f64, nu: f64) -> [f64; 2] {
+pub(crate) fn influence(a: &Station, b: &Station, nu: f64) -> [f64; 2] {
     const PI: f64 = std::f64::consts::PI;
     let (low, high) = if a.y < b.y { (a, b) } else { (b, a) };
     let bending = 12.0 * (1.0 - nu * nu) * (low.m2 + (high.y - low.y) * low.m1);
@@ -85,7 +85,7 @@ pub(crate) fn influence(a: &Station, b: &Station, youngs: f64, nu: f64) -> [f64;
     let foundation = (18.0 / PI) * (1.0 - nu * nu) * a.u * b.u
         + (1.0 - 2.0 * nu) * (1.0 + nu) * (a.u + b.u)
         + (4.8 / PI) * (1.0 - nu * nu) * (1.0 + (1.0 - nu) / 2.4 * tan2);
-    let along = a.cos_alpha_f * b.cos_alpha_f / youngs;
+    let along = a.cos_alpha_f * b.cos_alpha_f;
     [along * bending, along * (shear + foundation)]
 }
 
@@ -422,8 +422,8 @@ impl Tooth {
             }
             ToothModel::WeberBanaschek | ToothModel::Coupled => {
                 let station = self.station(load);
-                let [bending, rest] = influence(&station, &station, self.youngs, nu);
-                return bending + rest;
+                let [bending, rest] = influence(&station, &station, nu);
+                return (bending + rest) / self.youngs;
             }
         };
         load.cos_alpha_f * load.cos_alpha_f * sum / self.youngs

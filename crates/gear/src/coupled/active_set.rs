@@ -44,6 +44,7 @@ impl Memory {
 
     /// The deflection δ, mm, at which the cells carry `load`, N, over the gaps `gap`, mm; their forces are
     /// in `forces`. `start` tells which cells are open at first. NaN for gaps that are not numbers.
+    #[inline(always)]
     pub(crate) fn balance(
         &mut self,
         stiffness: &Stiffness,
@@ -104,6 +105,7 @@ impl Memory {
     }
 
     /// Lists the open cells. If all are, the one with the least gap is closed: something carries the load.
+    #[inline(always)]
     fn list_open(&mut self, gap: &[f64]) {
         self.open.clear();
         self.open
@@ -118,6 +120,7 @@ impl Memory {
     }
 
     /// Solves A_oo x = a_o and A_oo x = (A g)_o for the open cells o.
+    #[inline(always)]
     fn solve_open(&mut self, matrix: &[f64], sums: &[f64], n: usize) {
         let k = self.open.len();
         let [for_sums, for_product] = &mut self.solutions;
@@ -158,6 +161,7 @@ impl Memory {
 
     /// Opens cells that pull and closes those that overlap; only the first one if `only_first`. Returns
     /// whether anything changed.
+    #[inline(always)]
     fn change(&mut self, delta: f64, least_overlap: f64, pull: f64, only_first: bool) -> bool {
         let mut has_changed = false;
         let mut next_open = 0;
@@ -181,6 +185,7 @@ impl Memory {
     }
 }
 
+#[inline(always)]
 fn add_multiple(to: &mut [f64], factor: f64, row: &[f64]) {
     for (to, value) in to.iter_mut().zip(row) {
         *to += factor * value;
@@ -188,6 +193,7 @@ fn add_multiple(to: &mut [f64], factor: f64, row: &[f64]) {
 }
 
 /// The sum of products, in four interleaved parts so that it uses the vector units.
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut parts = [0.0; 4];
     let (mut left, mut right) = (a.chunks_exact(4), b.chunks_exact(4));
@@ -203,4 +209,89 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
         .map(|(a, b)| a * b)
         .sum();
     (parts[0] + parts[2]) + (parts[1] + parts[3]) + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::inverse::invert;
+    use super::*;
+
+    /// The compliance of `n` cells with random coupling, and its stiffness.
+    fn cells(n: usize, numbers: &[f64]) -> (Vec<f64>, Stiffness) {
+        let compliance: Vec<f64> = (0..n * n)
+            .map(|at| {
+                let (i, j) = (at / n, at % n);
+                let shared: f64 = (0..3)
+                    .map(|k| numbers[i * 3 + k] * numbers[j * 3 + k])
+                    .sum();
+                1e-5 * (shared + if i == j { 1.0 } else { 0.0 })
+            })
+            .collect();
+        let mut matrix = compliance.clone();
+        assert!(invert(&mut matrix, n, &mut Vec::new()));
+        let sums = matrix.chunks_exact(n).map(|row| row.iter().sum()).collect();
+        (compliance, Stiffness { matrix, sums })
+    }
+
+    proptest! {
+        /// Forces push, carry the load, move all touching cells alike, and leave the others apart, from
+        /// whatever cells the search starts.
+        #[test]
+        fn the_contact_conditions_hold(
+            numbers in prop::collection::vec(-1.0..1.0_f64, 36),
+            gaps in prop::collection::vec(0.0..0.1_f64, 12),
+            exponent in -3.0..5.0_f64,
+            start in any::<u16>(),
+        ) {
+            let (load, n) = (10_f64.powf(exponent), gaps.len());
+            let (compliance, stiffness) = cells(n, &numbers);
+            let mut memory = Memory::default();
+            let delta = memory.balance(&stiffness, &gaps, load, |i| start >> i & 1 == 1);
+            let forces = &memory.forces;
+            prop_assert!((forces.iter().sum::<f64>() / load - 1.0).abs() < 1e-6);
+            for i in 0..n {
+                let row = &compliance[i * n..(i + 1) * n];
+                let moved: f64 = row.iter().zip(forces).map(|(c, force)| c * force).sum();
+                let left = gaps[i] + moved - delta;
+                prop_assert!(forces[i] >= -1e-8 * load - 1e-7, "{i} pulls by {}", forces[i]);
+                prop_assert!(left > -1e-9, "{i} overlaps by {left}");
+                prop_assert!(memory.is_open()[i] || left < 1e-9, "{i} floats at {left}");
+            }
+        }
+    }
+
+    /// Three cells by hand: without coupling each is a spring of 1e5 N/mm.
+    #[test]
+    fn springs_share_a_load() {
+        let (_, stiffness) = cells(3, &[0.0; 9]);
+        let mut memory = Memory::default();
+        // All closed: δ = (600/1e5 + 0.003)/3.
+        let delta = memory.balance(&stiffness, &[0.0, 0.001, 0.002], 600.0, |_| false);
+        assert!((delta - 0.003).abs() < 1e-12);
+        assert!((memory.forces[2] - 100.0).abs() < 1e-6);
+        // The third stays open, though the search starts with it alone closed.
+        let delta = memory.balance(&stiffness, &[0.0, 0.001, 0.1], 600.0, |i| i < 2);
+        assert!((delta - 0.0035).abs() < 1e-12);
+        assert_eq!(memory.is_open(), [false, false, true]);
+        assert_eq!(memory.forces[2], 0.0);
+    }
+
+    #[test]
+    fn degenerate_gaps_and_loads_end_the_search() {
+        let (_, stiffness) = cells(3, &[0.5; 9]);
+        let mut memory = Memory::default();
+        // All open at first, and gaps of metres.
+        let delta = memory.balance(&stiffness, &[1e3, 1.5e3, 2e3], 1.0, |_| true);
+        assert!((delta - 1e3).abs() < 0.1);
+        // Without a load the flanks touch in the least gap.
+        let delta = memory.balance(&stiffness, &[0.3, 0.1, 0.2], 0.0, |_| false);
+        assert!((delta - 0.1).abs() < 1e-9);
+        assert!(
+            memory
+                .balance(&stiffness, &[0.0, f64::NAN, 0.0], 1.0, |_| false)
+                .is_nan()
+        );
+    }
 }

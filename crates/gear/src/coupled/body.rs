@@ -102,7 +102,7 @@ impl Body {
 
     /// The part of the loaded tooth for the places `u` and `v`, per line load that is even along the face.
     pub(crate) fn own(&self, u: f64, v: f64) -> f64 {
-        let curve = |u: f64| u * (0.8 - u) / 0.16;
+        let curve = |u: f64| 6.25 * u * (0.8 - u);
         self.constant
             + self.linear * (u + v)
             + self.product * u * v

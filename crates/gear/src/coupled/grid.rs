@@ -100,3 +100,47 @@ pub(crate) fn cells(
     }
     cells
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::general;
+    use crate::input::{PairInput, Size};
+
+    fn geometry(face_width: f64, helix_angle_deg: f64) -> Geometry {
+        let input = PairInput {
+            teeth: [24, 32],
+            size: Size::NormalModule(3.0),
+            helix_angle: helix_angle_deg.to_radians(),
+            face_width,
+            ..general::plain()
+        };
+        Geometry::new(&input).unwrap()
+    }
+
+    #[test]
+    fn strips_cover_the_face_and_step_with_the_phases() {
+        for (width, angle) in [
+            (6.0, 20.0),
+            (27.6, 20.0),
+            (80.0, 30.0),
+            (9.0, 8.0),
+            (20.0, 1.0),
+        ] {
+            let geometry = geometry(width, angle);
+            let strips = strips(&geometry, 24, false);
+            let line: f64 = strips.iter().map(|strip| strip.line).sum();
+            assert!((line * geometry.beta_b.cos() - width).abs() < 1e-9);
+            // Phase steps to a strip, or strips to a phase step.
+            let step = geometry.base_pitch / 24.0;
+            let along = strips[0].line * geometry.beta_b.sin();
+            let ratio = (along / step).max(step / along);
+            assert!(
+                (ratio - ratio.round()).abs() < 1e-9,
+                "{width} mm at {angle}°: {ratio}"
+            );
+        }
+        assert_eq!(strips(&geometry(20.0, 0.0), 24, false).len(), 1);
+        assert_eq!(strips(&geometry(20.0, 0.0), 24, true).len(), 8);
+    }
+}

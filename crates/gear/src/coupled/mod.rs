@@ -30,7 +30,7 @@ mod face;
 mod grid;
 mod inverse;
 
-use crate::balance::Extremes;
+use crate::balance::{Extremes, not_negative};
 use crate::beyond::Beyond;
 use crate::corrections::Lead;
 use crate::elasticity::{Elasticity, NodeCompliance};
@@ -49,10 +49,10 @@ const REACH: f64 = 2.5;
 const TYPICAL_COMPLIANCE: f64 = 1.0 / 14_000.0;
 /// Young's modulus of the typical compliance, MPa.
 const STEEL: f64 = 206e3;
-/// The least reach, as a gap in mm.
-const LEAST_REACH: f64 = 0.01;
-/// Cells further apart than this are open when the first balance starts, mm.
-const FAR_OPEN: f64 = 0.03;
+/// The least reach, as a gap in modules.
+const LEAST_REACH: f64 = 1.0 / 300.0;
+/// Cells further apart than this are open when the first balance starts, in modules.
+const FAR_OPEN: f64 = 0.01;
 /// Least line load for which the approach is evaluated, as a share of the mean.
 const LEAST_LOAD: f64 = 0.05;
 /// The approach is evaluated again for a line load that changed by more than this share.
@@ -126,6 +126,8 @@ struct Parts<'a> {
     bodies: [Body; 2],
     face: Face,
     strips: &'a [Strip],
+    /// 1/b: the kernel of a displacement that is the same all along the face.
+    even: f64,
 }
 
 impl Coupled {
@@ -149,8 +151,8 @@ impl Coupled {
         let nu = elastic.input.material.poisson_ratio;
         let end_gain = [0, 1].map(|i| {
             let station = &middle.stations[i];
-            let [_, foundation] = influence(station, station, youngs, nu);
-            bodies[i].own(station.u, station.u) / youngs / foundation
+            let [_, foundation] = influence(station, station, nu);
+            bodies[i].own(station.u, station.u) / foundation
         });
         let parts = Parts {
             elastic,
@@ -158,13 +160,16 @@ impl Coupled {
             bodies,
             face: Face::new(geometry, &middles, end_gain),
             strips: &strips,
+            even: 1.0 / b,
         };
         let load = base_force / cos_bb;
         let across: Vec<f64> = middles.iter().map(|z| z / b).collect();
         let beyond = Beyond::new(geometry);
         let even = load * cos_bb / b * TYPICAL_COMPLIANCE * STEEL / youngs;
-        let reach =
-            beyond.reach((REACH * even / (0.8 * geometry.eps_alpha).max(1.0)).max(LEAST_REACH));
+        let reach = beyond.reach(
+            (REACH * even / (0.8 * geometry.eps_alpha).max(1.0))
+                .max(LEAST_REACH * geometry.normal_module),
+        );
         let mut solved: Vec<Phase> = Vec::with_capacity(path.phases.len());
         let mut memory = active_set::Memory::default();
         let mut line_loads: Vec<f64> = Vec::new();
@@ -219,6 +224,18 @@ impl Coupled {
         memory: &mut Memory,
         delta: &mut Vec<f64>,
     ) -> Extremes {
+        pulp::Arch::new().dispatch(|| self.solve_here(g, slope, memory, delta))
+    }
+
+    /// [`solve`](Self::solve) with the instructions of this machine; none of them changes a bit.
+    #[inline(always)]
+    fn solve_here(
+        &self,
+        g: &[f64],
+        slope: f64,
+        memory: &mut Memory,
+        delta: &mut Vec<f64>,
+    ) -> Extremes {
         delta.clear();
         memory.forces.clear();
         let lead = self.lead.tilted(slope);
@@ -240,6 +257,7 @@ impl Coupled {
             let solved = balance.balance(&phase.stiffness, &memory.gap, self.load, |i| {
                 phase.is_open[i]
             });
+            let solved = not_negative(solved);
             memory.forces.extend_from_slice(&balance.forces);
             delta.push(solved);
             extremes.min = extremes.min.min(solved);
@@ -318,7 +336,8 @@ impl Parts<'_> {
     ) -> Option<Stiffness> {
         let n = cells.len();
         let least = gaps.iter().fold(f64::INFINITY, |least, &g| least.min(g));
-        let touches = |i: usize| gaps[i] <= least + FAR_OPEN;
+        let far = least + FAR_OPEN * self.elastic.geometry.normal_module;
+        let touches = |i: usize| gaps[i] <= far;
         let length: f64 = (0..n)
             .filter(|&i| touches(i))
             .map(|i| self.strips[cells[i].strip].line)
@@ -372,65 +391,53 @@ impl Parts<'_> {
         Some(stiffness)
     }
 
-    /// The compliance of the cells without the contact's approach, mm/N.
+    /// The compliance of the cells without the contact's approach, mm/N, row by row; the lower triangle.
     fn compliance(&self, cells: &[Cell], nodes: &[NodeCompliance]) -> Vec<f64> {
         let geometry = self.elastic.geometry;
-        let material = &self.elastic.input.material;
-        let (youngs, nu) = (material.youngs_modulus_mpa, material.poisson_ratio);
-        let b = geometry.face_width;
+        let scale = geometry.beta_b.cos() / self.elastic.input.material.youngs_modulus_mpa;
         let n = cells.len();
         let mut compliance = vec![0.0; n * n];
-        for (a, one) in cells.iter().enumerate() {
-            for (c, other) in cells[..=a].iter().enumerate() {
-                let (za, zc) = (one.strip, other.strip);
-                let distance = one.line - other.line;
-                let sum: f64 = [0, 1]
-                    .map(|i| {
-                        let (at, from) = (&nodes[a].stations[i], &nodes[c].stations[i]);
-                        let body = &self.bodies[i];
-                        if distance == 0 {
-                            let [bending, foundation] = influence(at, from, youngs, nu);
-                            return bending * self.face.bending.at(za, zc)
-                                + foundation * self.face.foundation[i].at(za, zc)
-                                + body.own(at.u, from.u) / (youngs * b);
-                        }
-                        let n = distance.unsigned_abs() as usize;
-                        if n > 2 {
-                            return (body.twist + FAR) / (youngs * b);
-                        }
-                        let is_ahead = distance > 0;
-                        let (ahead, of_pinion) = (
-                            if is_ahead { 1.0 } else { -1.0 },
-                            if i == 0 { 1.0 } else { -1.0 },
-                        );
-                        let (lead, trail) = if is_ahead == (i == 0) {
-                            (at.u, from.u)
-                        } else {
-                            (from.u, at.u)
-                        };
-                        let product = at.u * from.u;
-                        let (neighbour, side) = (&body.neighbours[n - 1], usize::from(!is_ahead));
-                        (body.twist / b
-                            + neighbour.even(lead, trail)
-                                * self.face.neighbour[n - 1][side].at(za, zc)
-                            + neighbour.product
-                                * product
-                                * self.face.neighbour_product[n - 1][side].at(za, zc)
-                            + ahead
-                                * neighbour.antisymmetric(product)
-                                * self.face.antisymmetric.at(za, zc)
-                            + of_pinion
-                                * neighbour.symmetric(lead, trail)
-                                * self.face.symmetric.at(za, zc))
-                            / youngs
-                    })
-                    .iter()
-                    .sum();
-                let value = sum * geometry.beta_b.cos();
-                compliance[a * n + c] = value;
+        for (a, row) in compliance.chunks_exact_mut(n.max(1)).enumerate() {
+            for (c, value) in row[..=a].iter_mut().enumerate() {
+                let of = |gear| self.of_gear(gear, [&cells[a], &cells[c]], [&nodes[a], &nodes[c]]);
+                *value = scale * (of(0) + of(1));
             }
         }
         compliance
+    }
+
+    /// The part of one gear in the compliance between two cells, per line load that is even across the
+    /// face and times Young's modulus.
+    fn of_gear(&self, gear: usize, cells: [&Cell; 2], nodes: [&NodeCompliance; 2]) -> f64 {
+        let [za, zc] = cells.map(|cell| cell.strip);
+        let [at, from] = nodes.map(|node| &node.stations[gear]);
+        let (body, face) = (&self.bodies[gear], &self.face);
+        let distance = cells[0].line - cells[1].line;
+        let n = distance.unsigned_abs() as usize;
+        if n == 0 {
+            let nu = self.elastic.input.material.poisson_ratio;
+            let [bending, foundation] = influence(at, from, nu);
+            return bending * face.bending.at(za, zc)
+                + foundation * face.foundation[gear].at(za, zc)
+                + body.own(at.u, from.u) * self.even;
+        }
+        if n > 2 {
+            return (body.twist + FAR) * self.even;
+        }
+        let (is_ahead, is_pinion) = (distance > 0, gear == 0);
+        let sign = |positive: bool| if positive { 1.0 } else { -1.0 };
+        let (lead, trail) = if is_ahead == is_pinion {
+            (at.u, from.u)
+        } else {
+            (from.u, at.u)
+        };
+        let (product, side) = (at.u * from.u, usize::from(!is_ahead));
+        let neighbour = &body.neighbours[n - 1];
+        body.twist * self.even
+            + neighbour.even(lead, trail) * face.neighbour[n - 1][side].at(za, zc)
+            + neighbour.product * product * face.neighbour_product[n - 1][side].at(za, zc)
+            + sign(is_ahead) * neighbour.antisymmetric(product) * face.antisymmetric.at(za, zc)
+            + sign(is_pinion) * neighbour.symmetric(lead, trail) * face.symmetric.at(za, zc)
     }
 }
 

@@ -4,6 +4,7 @@
 mod adversary;
 mod convergence;
 mod corrections;
+mod coupled;
 mod fuzz;
 mod general;
 mod invariants;

@@ -24,7 +24,7 @@ fn deviated(pair: &Pair, wear: &Wear, f: [f64; 2]) -> f64 {
     let six = class(6);
     let mut sampler = pair.sampler_with(wear, gear::Scatter::of_class(six));
     let tolerances = six.slope_tolerances(pair.geometry());
-    let mut coefficients = vec![0.0; sampler.modes() - 2];
+    let mut coefficients = vec![0.0; pair.sampler(wear).modes()];
     coefficients.extend([0, 1].map(|gear| f[gear] * TOLERANCE_IN_SD / tolerances[gear]));
     sampler.at(&coefficients)
 }
@@ -203,7 +203,8 @@ fn deviations_come_after_the_wear_and_leave_it_alone() {
     let mut none = pair.sampler_with(&WEAR, gear::Scatter::default());
     let mut scattered = pair.sampler_with(&WEAR, gear::Scatter::of_class(six));
     assert_eq!(plain.modes(), none.modes());
-    assert_eq!(plain.modes() + 2, scattered.modes());
+    // Profile and helix slopes of both gears.
+    assert_eq!(plain.modes() + 4, scattered.modes());
     let tolerances = six.slope_tolerances(pair.geometry());
     let draw = |sampler: &mut Sampler, k| sampler.draw_profile(&mut stream(4, Purpose::Test, 1, k));
     // Sums of f, f² and f1 f2 in units of the tolerance.

@@ -11,6 +11,7 @@
 //! [`Size`].
 
 mod clock;
+mod contact;
 mod data;
 mod estimators;
 mod front;

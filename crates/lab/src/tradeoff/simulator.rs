@@ -10,10 +10,10 @@ use anyhow::{Context as _, bail};
 use gear::{Discretisation, Pair, PairInput, PlainSum, Sampler, ToothModel, Wear};
 use problem::formulation::Problem;
 use rand::RngExt as _;
-use runner::cpu::thread_seconds;
 use stats::streams::{Purpose, stream};
 
 use crate::summary::{median, quantile};
+use crate::tradeoff::clock::micros;
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
@@ -67,8 +67,6 @@ const GRIDS: [[usize; 2]; 10] = [
 /// Numbers of samples per design: for the error and for the time.
 const COMPARED: u64 = 4;
 const TIMED: u64 = 20;
-/// Number of measurements of a time.
-const REPEATED: u32 = 5;
 /// Number of designs refused in a row after which the campaign's box counts as empty.
 const REFUSED: usize = 10_000;
 /// Relative change at which a value counts as converged.
@@ -198,18 +196,6 @@ fn reference(input: PairInput, wear: &Wear, design: usize) -> Result<Reference, 
 
 fn draw(sampler: &mut Sampler, design: usize, sample: u64) -> f64 {
     sampler.draw(&mut stream(2009, Purpose::Test, design as u64, sample))
-}
-
-/// CPU time of `work`, in microseconds: the minimum of several runs, because caches are cold at
-/// first and the processor is shared.
-fn micros<T>(mut work: impl FnMut() -> T) -> f64 {
-    let mut least = f64::INFINITY;
-    for _ in 0..REPEATED {
-        let start = thread_seconds();
-        black_box(work());
-        least = least.min(thread_seconds() - start);
-    }
-    1e6 * least
 }
 
 fn percent(ours: f64, exact: f64) -> f64 {

@@ -7,13 +7,15 @@ use crate::tradeoff::runner::Runner;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::Table;
 use crate::tradeoff::view::View;
-use crate::tradeoff::{estimators, kriging, optimisation, percentile, runner, simulator};
+use crate::tradeoff::{contact, estimators, kriging, optimisation, percentile, runner, simulator};
 
 /// The kinds of study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// Grids of the simulator.
     Simulator,
+    /// Tooth models against finite elements.
+    Contact,
     /// Estimators of the percentile.
     Percentile,
     /// Estimators of the percentile on responses that are not normal.
@@ -35,8 +37,9 @@ pub struct Study {
 
 impl Kind {
     /// All kinds, from the simulator outwards.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Simulator,
+        Self::Contact,
         Self::Percentile,
         Self::Estimators,
         Self::Kriging,
@@ -48,6 +51,7 @@ impl Kind {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Simulator => "simulator",
+            Self::Contact => "contact",
             Self::Percentile => "percentile",
             Self::Estimators => "estimators",
             Self::Kriging => "kriging",
@@ -60,6 +64,7 @@ impl Kind {
     pub const fn title(self) -> &'static str {
         match self {
             Self::Simulator => "Simulator",
+            Self::Contact => "Contact",
             Self::Percentile => "Percentile",
             Self::Estimators => "Estimators",
             Self::Kriging => "Kriging",
@@ -73,6 +78,7 @@ impl Kind {
     pub const fn lead(self) -> &'static str {
         match self {
             Self::Simulator => simulator::LEAD,
+            Self::Contact => contact::LEAD,
             Self::Percentile => percentile::LEAD,
             Self::Estimators => estimators::LEAD,
             Self::Kriging => kriging::LEAD,
@@ -95,6 +101,7 @@ impl Kind {
     ) -> anyhow::Result<Study> {
         let table = match self {
             Self::Simulator => simulator::run(problem, size, progress),
+            Self::Contact => contact::run(size, progress),
             Self::Percentile => percentile::run(problem, size, progress),
             Self::Estimators => estimators::run(problem, size, progress),
             Self::Kriging => kriging::run(problem, size, progress),
@@ -111,6 +118,7 @@ impl Study {
     pub fn views(&self) -> Vec<View<'_>> {
         let pairs = match self.kind {
             Kind::Simulator => simulator::PAIRS,
+            Kind::Contact => contact::PAIRS,
             Kind::Percentile => percentile::PAIRS,
             Kind::Estimators => estimators::PAIRS,
             Kind::Kriging => kriging::PAIRS,
