@@ -106,6 +106,7 @@
 
 #![warn(missing_docs)]
 
+mod accuracy;
 mod analysis;
 mod balance;
 mod beyond;
@@ -148,6 +149,7 @@ mod properties;
 #[cfg(test)]
 mod tests;
 
+pub use accuracy::{Range, model_error};
 pub use analysis::Analysis;
 pub use converged::ConvergedPair;
 pub use corrections::{Corrections, ReliefShape, TipRelief};

@@ -86,6 +86,8 @@ pub struct Figures {
     pair_stiffness_n_per_mm_um: f64,
     ste_um: Curve,
     delta_ste_um: f64,
+    /// The error of the tooth model in ΔSTE, in words.
+    model_error: &'static str,
     #[serde(skip_serializing_if = "Option::is_none")]
     manufacture: Option<Scatter>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -303,6 +305,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             value: analysis.ste_um,
         },
         delta_ste_um: analysis.delta_ste_um,
+        model_error: gear::model_error(file.pair.tooth_model),
         manufacture: Scatter::of(file, geometry).filter(|_| samples.is_some()),
         samples_um: samples,
         mean_um: moments.map(|(mean, _)| mean),

@@ -64,6 +64,8 @@ const GRIDS: [[usize; 2]; 10] = [
     [192, 96],
     [256, 128],
 ];
+/// Those of coupled cells, whose finest grid has 96 phases.
+const COUPLED_GRIDS: [[usize; 2]; 5] = [[64, 12], [64, 16], [64, 24], [64, 32], [64, 48]];
 /// Numbers of samples per design: for the error and for the time.
 const COMPARED: u64 = 4;
 const TIMED: u64 = 20;
@@ -109,31 +111,43 @@ pub(crate) fn run(
     }));
     let (wear, own_grid) = (gears.wear(), gears.discretisation());
     let own_grid = [own_grid.cells, own_grid.phases];
-    let mut grids = GRIDS.to_vec();
-    if !grids.contains(&own_grid) {
-        grids.push(own_grid);
-        grids.sort_unstable();
-    }
     let mut table = Table::new(&COLUMNS);
     for model in models {
+        let is_coupled = model == ToothModel::Coupled;
+        let mut grids = match is_coupled {
+            true => COUPLED_GRIDS.to_vec(),
+            false => GRIDS.to_vec(),
+        };
+        if model == own && !grids.contains(&own_grid) {
+            grids.push(own_grid);
+            grids.sort_unstable();
+        }
         let references = references(problem, model, size.designs(200, 40))?;
         let mut of_grids: Vec<Measurements> =
             grids.iter().map(|_| Measurements::default()).collect();
         let mut of_plain = Measurements::default();
+        let method = match is_coupled {
+            true => "coupled cells",
+            false => "prefix sums",
+        };
         // Design by design, so that a temporary slowdown of the machine affects all grids alike.
         for (number, reference) in references.iter().enumerate() {
             for (&[cells, phases], measured) in grids.iter().zip(&mut of_grids) {
                 measured.ours(reference, number, wear, &Discretisation { cells, phases })?;
             }
-            of_plain.plain(reference, wear);
+            if !is_coupled {
+                of_plain.plain(reference, wear);
+            }
         }
         for (&grid, measured) in grids.iter().zip(&of_grids) {
             let is_campaign = model == own && grid == own_grid;
-            let row = measured.row(model, "prefix sums", grid, is_campaign);
+            let row = measured.row(model, method, grid, is_campaign);
             table.rows.push(row);
         }
-        let row = of_plain.row(model, "plain sum", PlainSum::TEXTBOOK, false);
-        table.rows.push(row);
+        if !is_coupled {
+            let row = of_plain.row(model, "plain sum", PlainSum::TEXTBOOK, false);
+            table.rows.push(row);
+        }
         progress(&format!("simulator: {model}, {} designs", references.len()));
     }
     Ok(table)

@@ -1,9 +1,10 @@
 //! Warnings about values that are valid but doubtful, mostly because of a wrong unit.
 
-use gear::{Size, Wear, WearLaw};
+use gear::{Range, Size, ToothModel, Wear, WearLaw};
 
 use super::{
-    FrozenSection, GearSections, HELIX_ANGLE, Material, ROOT_RADII, Setting, TIP_RADII, gear_size,
+    FrozenSection, GearSections, HELIX_ANGLE, Material, PairSection, ROOT_RADII, Setting,
+    TIP_RADII, gear_size,
 };
 
 /// A larger modulus was probably given in MPa. Tungsten carbide has about 650 GPa.
@@ -39,6 +40,108 @@ pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) 
         ));
     }
     warnings
+}
+
+/// The sentence about a value outside the pairs for which the tooth model is known; `key` is the file's.
+fn outside(range: Range, key: &str, values: &[f64]) -> Option<String> {
+    let strange: Vec<String> = values
+        .iter()
+        .filter(|value| !range.contains(**value))
+        .map(|value| format!("{}", (1e4 * value).round() / 1e4))
+        .collect();
+    let [low, high] = range.limits;
+    (!strange.is_empty()).then(|| {
+        format!(
+            "{key} is {}: the tooth model \"coupled\" was compared with finite elements for {} from {low} to {high}, \
+             so that its error here is unknown",
+            strange.join(", "),
+            range.name
+        )
+    })
+}
+
+/// Warnings about a pair for which the coupled tooth model was not compared with finite elements.
+pub(super) fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) -> Vec<String> {
+    if pair.tooth_model != ToothModel::Coupled {
+        return Vec::new();
+    }
+    let mut warnings = vec![
+        outside(Range::TEETH, "pair.teeth", &pair.teeth.map(f64::from)),
+        outside(
+            Range::PRESSURE_ANGLE,
+            "pair.pressure_angle_deg",
+            &[pair.pressure_angle_deg],
+        ),
+        outside(
+            Range::HELIX_ANGLE,
+            "pair.helix_angle_deg",
+            &[pair.helix_angle_deg.abs()],
+        ),
+        outside(
+            Range::PROFILE_SHIFT,
+            "pair.profile_shift",
+            &pair.profile_shift,
+        ),
+    ];
+    if let Some(geometry) = geometry {
+        let width = geometry.face_width / geometry.normal_module;
+        warnings.push(outside(
+            Range::FACE_WIDTH,
+            "the face width over the normal module",
+            &[width],
+        ));
+        warnings.push(geometry.undercut.contains(&true).then(|| {
+            "a tooth is undercut: the tooth model \"coupled\" was not compared with finite elements for that"
+                .to_owned()
+        }));
+    }
+    warnings.into_iter().flatten().collect()
+}
+
+/// The same for the designs of a campaign.
+pub(super) fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
+    let pair = &sections.pair;
+    if pair.tooth_model != ToothModel::Coupled {
+        return Vec::new();
+    }
+    let settings = sections.bounds.settings();
+    let ends = |setting: &Setting| match *setting {
+        Setting::Free(range) => range.to_vec(),
+        Setting::Fixed(value) => vec![value],
+        Setting::Relation(_) => Vec::new(),
+    };
+    let mut shifts: Vec<f64> = settings[..2].iter().flat_map(ends).collect();
+    shifts.sort_by(f64::total_cmp);
+    shifts.dedup();
+    let widths = pair
+        .normal_module_mm
+        .map(|module| pair.face_width_mm / module);
+    [
+        outside(
+            Range::TEETH,
+            "the number of teeth",
+            &pair.teeth().map(f64::from),
+        ),
+        outside(
+            Range::PRESSURE_ANGLE,
+            "pair.pressure_angle_deg",
+            &[pair.pressure_angle_deg],
+        ),
+        outside(
+            Range::FACE_WIDTH,
+            "pair.face_width_mm over the normal module",
+            widths.as_slice(),
+        ),
+        outside(
+            Range::HELIX_ANGLE,
+            "bounds.helix_angle_deg",
+            &ends(&settings[HELIX_ANGLE]),
+        ),
+        outside(Range::PROFILE_SHIFT, "bounds.profile_shift", &shifts),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
 }
 
 /// Warnings about frozen variables that the campaign's own bounds exclude.

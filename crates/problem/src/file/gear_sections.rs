@@ -112,6 +112,7 @@ impl GearSections {
         let face_width_mm = self.pair.face_width_mm;
         let mut warnings = advice::of_sections(&self.material, &self.wear, face_width_mm);
         warnings.extend(advice::of_frozen(self));
+        warnings.extend(advice::of_coupled_designs(self));
         warnings
     }
 

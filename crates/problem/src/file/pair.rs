@@ -193,7 +193,10 @@ impl PairFile {
     /// Advice about values that are valid but doubtful, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        advice::of_sections(&self.material, &self.wear, self.pair.face_width_mm)
+        let geometry = gear::Geometry::new(&self.to_gear()).ok();
+        let mut warnings = advice::of_sections(&self.material, &self.wear, self.pair.face_width_mm);
+        warnings.extend(advice::of_coupled(&self.pair, geometry.as_ref()));
+        warnings
     }
 
     /// The simulator's input.

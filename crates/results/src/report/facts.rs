@@ -18,6 +18,11 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
         if !campaign.is_external() {
             let model = sections.pair.tooth_model;
             facts.push(("tooth model".to_owned(), model.to_string()));
+            let error = gear::model_error(model).to_owned();
+            facts.push(("the model's own error".to_owned(), error));
+            for warning in campaign.warnings() {
+                facts.push(("warning".to_owned(), warning));
+            }
         }
         let grid = sections.grid;
         if grid != Discretisation::of(sections.pair.tooth_model) {

@@ -117,6 +117,7 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         format!("{stiffness:.3} N/(mm µm)"),
     );
     line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
+    line("the model's own error", figures.model_error.to_owned());
     if let Some(scatter) = &figures.manufacture {
         if let (Some(class), Some([pinion, mate])) =
             (scatter.flank_class, scatter.slope_tolerance_um)
