@@ -64,6 +64,33 @@ fn a_waist_of_rounding_is_severed() {
     }
 }
 
+/// Found by the fuzz: in the middle of the path the load lies below the roots of both teeth, so that whole
+/// teeth have contact compliance alone there.
+#[test]
+fn whole_teeth_that_do_not_bend_have_an_error() {
+    let input = gear::PairInput {
+        teeth: [629, 141],
+        size: gear::Size::CentreDistance(337.99580516452727),
+        pressure_angle: 0.7710656630102593,
+        helix_angle: -0.6351528898489597,
+        face_width: 218.15534747251795,
+        profile_shift: [2.7796301003235877, 2.386810655218194],
+        tool_addendum: [0.5623853790019995, 0.15227823532916024],
+        tool_dedendum: [3.2843885601423786, 3.4],
+        tip_radius: [0.385424711527318, 0.546935703572801],
+        root_radius: [0.1746851491553291, 0.31940164594299747],
+        tooth_model: gear::ToothModel::WholeFaceBeam,
+        ..crate::support::plain()
+    };
+    let whole = crate::support::pair(&input).unworn();
+    let slices = crate::support::pair(&gear::PairInput {
+        tooth_model: gear::ToothModel::HertzBeam,
+        ..input
+    });
+    let ratio = whole.ste_um[0] / slices.unworn().ste_um[0];
+    assert!((0.9..1.1).contains(&ratio), "{ratio}");
+}
+
 /// A wear that does not validate gives NaN at worst.
 #[test]
 fn an_invalid_wear_does_not_panic() {
