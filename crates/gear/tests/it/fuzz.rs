@@ -51,7 +51,7 @@ fn a_waist_of_rounding_is_severed() {
         profile_shift: [2.1026077500658236, -0.9045902708532203],
         tool_addendum: [2.509818346600639, 2.592574144051521],
         tool_dedendum: [2.4810130191739543, 1.9534047976768738],
-        tip_radius: [0.3536401135382794, 1.1387032683372258],
+        tip_radius: [0.3536401135382794, 0.9],
         root_radius: [1.2162266016285461, 0.05506905044608207],
         tip_rule: gear::TipRule::ClearRoot,
         ..crate::support::plain()

@@ -15,3 +15,4 @@ mod slices;
 mod spread;
 mod support;
 mod tip_rule;
+mod undercut;

@@ -192,6 +192,42 @@ fn every_limit_of_the_file_is_held_against_its_figure() {
     }
 }
 
+/// The pinion's undercut takes 0.44 mm of the path of contact: without it, the contact ratio is 1.268.
+#[test]
+fn an_undercut_flank_is_held_against_the_limits_as_it_is_left() {
+    let text = r"
+[pair]
+teeth = [12, 30]
+normal_module_mm = 3.0
+pressure_angle_deg = 20.0
+helix_angle_deg = 0.0
+face_width_mm = 20.0
+profile_shift = [0.0, 0.0]
+tool_addendum = [1.4, 1.25]
+tool_dedendum = [1.0, 0.64]
+tip_radius_mm = [0.0, 0.0]
+root_radius_mm = [1.14, 1.14]
+[load]
+pinion_torque_nm = 20.0
+[material]
+youngs_modulus_gpa = 206.0
+poisson_ratio = 0.3
+yield_mpa = 850.0
+hertz_limit_mpa = 1500.0
+[constraints]
+contact_ratio_min = 1.25
+specific_sliding_max = 4.0
+";
+    let undercut = simulated(text);
+    assert!(undercut.simulable && !undercut.feasible);
+    let figures = undercut.figures.as_ref().unwrap();
+    assert!((figures.contact_ratio.transverse - 1.218).abs() < 5e-4);
+    assert!((figures.flank_margin_mm[0] + 0.443).abs() < 5e-4);
+    assert!((figures.specific_sliding.max - 3.7957).abs() < 5e-4);
+    // 5.69 on the whole path.
+    assert_eq!(broken(&undercut), ["contact ratio", "pinion flank margin"]);
+}
+
 #[test]
 fn a_tip_pressed_into_the_root_is_named_with_value_unit_and_limit() {
     let pressed =
