@@ -1,7 +1,7 @@
 //! A fixed budget of random and hostile inputs: never a panic, a NaN or an endless loop. The `fuzz`
 //! example runs the same with any budget.
 
-use gear::{Kernel, Wear, WearLaw};
+use gear::{Kernel, LocalAmount, Wear, WearLaw};
 
 use crate::adversary;
 use crate::support::rng;
@@ -107,6 +107,21 @@ fn an_invalid_wear_does_not_panic() {
         for law in [
             WearLaw::Archard { max_depth_um },
             WearLaw::Signed { coefficient },
+            WearLaw::LocalArchard {
+                amount: LocalAmount::MaxDepth { max_depth_um },
+            },
+            WearLaw::LocalArchard {
+                amount: LocalAmount::Cycles {
+                    coefficient,
+                    pinion_cycles: 1e6,
+                },
+            },
+            WearLaw::LocalArchard {
+                amount: LocalAmount::Cycles {
+                    coefficient: 1e-10,
+                    pinion_cycles: depth,
+                },
+            },
         ] {
             let wear = Wear {
                 law,

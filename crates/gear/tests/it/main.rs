@@ -16,3 +16,4 @@ mod spread;
 mod support;
 mod tip_rule;
 mod undercut;
+mod wear;

@@ -328,6 +328,39 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
     }
 }
 
+/// The page draws the pinion's flank and names the depth of the mate's, where the two differ.
+#[test]
+fn the_wear_of_both_flanks_is_written() {
+    let law = "[wear]\nlaw = \"local-archard\"\nmax_depth_um = 5.0\nkernel = \"exponential\"\n\
+               range_rad = 0.2\nvariance = 0.01\n";
+    let file = PairFile::parse("p.toml", &format!("{PAIR}{law}")).unwrap();
+    let request = Request {
+        wear: WearChoice::Archard,
+        ..UNWORN
+    };
+    let simulation = run(&file, request).unwrap();
+    let subject = Subject {
+        title: "p",
+        program_version: "1.2.3",
+        file: &file,
+        request,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let page = write_page(&subject, &simulation, folder.path())
+        .unwrap()
+        .unwrap();
+    let csv = std::fs::read_to_string(folder.path().join("wear.csv")).unwrap();
+    let header = csv.lines().next().unwrap();
+    assert!(header.ends_with("mate_roll_angle_rad,pinion_mean_depth_um,mate_mean_depth_um"));
+    let [pinion, mate] = [3, 4].map(|column| largest(&csv, column));
+    assert!(
+        (pinion - 5.0).abs() < 1e-12 && mate < 4.0,
+        "{pinion} {mate}"
+    );
+    let text = format!("the mean wear of the mate is at most {mate:.2} µm deep");
+    assert!(std::fs::read_to_string(page).unwrap().contains(&text));
+}
+
 /// The largest value of a column of a CSV file.
 fn largest(csv: &str, column: usize) -> f64 {
     let values = csv.lines().skip(1);
