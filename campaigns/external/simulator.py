@@ -156,8 +156,9 @@ class Simulator:
         kind = request["request"]
         if kind == "describe":
             self.campaign, self.teeth = request["campaign"], request["teeth"]
-            if "max_depth_um" not in self.campaign["wear"]:
-                return {"error": "wear.max_depth_um must be given: this model knows no other law"}
+            wear = self.campaign["wear"]
+            if "max_depth_um" not in wear or wear.get("law", "archard") != "archard":
+                return {"error": "wear must be Archard's law, with max_depth_um: this model knows no other law"}
             if "manufacture" in self.campaign:
                 return {"error": "[manufacture] must be absent: this model knows no slope deviations"}
             return {"protocol": PROTOCOL, "version": VERSION}

@@ -53,18 +53,37 @@ impl Analysis {
     }
 }
 
-/// Hertz pressure at each of the places `s` under the line load `carried`, MPa: √(w E*/(π R)) with
-/// E* = E/(2 (1 − ν²)).
+/// E* = E/(2 (1 − ν²)) of the contact, MPa.
+fn contact_modulus(input: &PairInput) -> f64 {
+    let nu = input.material.poisson_ratio;
+    input.material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu))
+}
+
+/// Hertz pressure at each of the places `s` under the line load `carried`, MPa: √(w E*/(π R)).
 pub(crate) fn pressures(
     input: &PairInput,
     geometry: &Geometry,
     s: &[f64],
     carried: &[f64],
 ) -> Vec<f64> {
-    let nu = input.material.poisson_ratio;
-    let modulus = input.material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu));
+    let modulus = contact_modulus(input);
     s.iter()
         .zip(carried)
         .map(|(&s, w)| (w * modulus / (PI * geometry.relative_radius(s))).sqrt())
+        .collect()
+}
+
+/// Line load at each of the places `s` under which the Hertz pressure is `pressure`, N per mm of
+/// contact line: the inverse of [`pressures`].
+pub(crate) fn line_loads(
+    input: &PairInput,
+    geometry: &Geometry,
+    s: &[f64],
+    pressure: &[f64],
+) -> Vec<f64> {
+    let modulus = contact_modulus(input);
+    s.iter()
+        .zip(pressure)
+        .map(|(&s, p)| p * p * PI * geometry.relative_radius(s) / modulus)
         .collect()
 }

@@ -82,7 +82,7 @@ pub struct Geometry {
     pub pointed: [bool; 2],
 }
 
-/// Specific sliding at the ends of the path: 1 − v_mate/v_own, with v the velocities along the
+/// Specific sliding at the ends of a path: 1 − v_mate/v_own, with v the velocities along the
 /// profile. Roots are negative, tips positive for the usual path that contains the pitch point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sliding {
@@ -352,10 +352,10 @@ impl Geometry {
         let reach = [0, 1].map(|i| tangent_length(r_na[i], r_b[i]));
         for member in Member::BOTH {
             let i = member.index();
-            if t_form[i] >= reach[i] {
+            if involute_start[i] >= reach[i] {
                 return Err(Infeasible::NoInvoluteFlank {
                     member,
-                    start: t_form[i],
+                    start: involute_start[i],
                     end: reach[i],
                 });
             }
@@ -405,16 +405,29 @@ impl Geometry {
         })
     }
 
-    /// Specific sliding at both ends of the path.
+    /// Specific sliding ζ of the given gear's flank at `s`: 1 − v_mate/v_own. Its magnitude is the sliding
+    /// distance per length of the own profile that passes through the contact.
+    #[must_use]
+    pub fn specific_sliding(&self, member: Member, s: f64) -> f64 {
+        let ratio = f64::from(self.teeth[0]) / f64::from(self.teeth[1]);
+        let (v1, v2) = (s, (self.path_length - s) * ratio);
+        match member {
+            Member::Pinion => 1.0 - v2 / v1,
+            Member::Gear => 1.0 - v1 / v2,
+        }
+    }
+
+    /// Specific sliding at both ends of the [path that undercut leaves](Self::path_left).
     #[must_use]
     pub fn sliding(&self) -> Sliding {
-        let ratio = f64::from(self.teeth[0]) / f64::from(self.teeth[1]);
-        let specific = |s: f64| {
-            let (v1, v2) = (s, (self.path_length - s) * ratio);
-            (1.0 - v2 / v1, 1.0 - v1 / v2)
-        };
-        let (pinion_root, gear_tip) = specific(self.s_in);
-        let (pinion_tip, gear_root) = specific(self.s_out);
+        self.sliding_between(self.path_left())
+    }
+
+    /// Specific sliding at the start and the end of a path of contact.
+    #[must_use]
+    pub fn sliding_between(&self, [start, end]: [f64; 2]) -> Sliding {
+        let [pinion_root, gear_tip] = Member::BOTH.map(|of| self.specific_sliding(of, start));
+        let [pinion_tip, gear_root] = Member::BOTH.map(|of| self.specific_sliding(of, end));
         let max = [pinion_root, pinion_tip, gear_root, gear_tip]
             .into_iter()
             .fold(0.0, |max: f64, v| max.max(v.abs()));
@@ -439,11 +452,11 @@ impl Geometry {
         }
     }
 
-    /// The transverse contact ratio ε_α of the flanks that undercut leaves: the path of contact ends where
-    /// the flank is cut away. A path into a fillet is not shortened: there the teeth interfere, see
-    /// [`Geometry::interference`].
+    /// Start and end of the path of contact on the flanks that undercut leaves: the path ends where the
+    /// flank is cut away. A path into a fillet is not shortened: there the teeth interfere, see
+    /// [`Geometry::interference`]. The start lies beyond the end where undercut leaves no path.
     #[must_use]
-    pub fn eps_alpha_left(&self) -> f64 {
+    pub fn path_left(&self) -> [f64; 2] {
         let cut = |i: usize| {
             if self.undercut[i] {
                 self.involute_start[i]
@@ -451,8 +464,16 @@ impl Geometry {
                 0.0
             }
         };
-        let start = self.s_in.max(cut(0));
-        let end = self.s_out.min(self.path_length - cut(1));
+        [
+            self.s_in.max(cut(0)),
+            self.s_out.min(self.path_length - cut(1)),
+        ]
+    }
+
+    /// The transverse contact ratio ε_α of the [path that undercut leaves](Self::path_left).
+    #[must_use]
+    pub fn eps_alpha_left(&self) -> f64 {
+        let [start, end] = self.path_left();
         (end - start) / self.base_pitch
     }
 

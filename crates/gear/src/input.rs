@@ -424,9 +424,41 @@ pub enum WearLaw {
         /// Depth per pressure and sliding, 1/MPa.
         coefficient: f64,
     },
+    /// Archard's law with the sliding distance of each flank: W_i = k n_i w |ζ_i| / cos β_b. ζ_i is the
+    /// [specific sliding](crate::Geometry::specific_sliding) of flank i, w the line load that belongs to
+    /// p, N/mm, and w/cos β_b the integral of the pressure along the profile. The gear has
+    /// n_2 = n_1 Z1/Z2 mesh cycles. A root wears deeper than the tip that slides on it, because less of
+    /// the root's profile passes through the contact. The model is that of Flodin and Andersson,
+    /// Simulation of mild wear in spur gears, Wear 207 (1997).
+    LocalArchard {
+        /// The depth, or the wear that gives it.
+        amount: LocalAmount,
+    },
+}
+
+/// The amount of wear of [`WearLaw::LocalArchard`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum LocalAmount {
+    /// The deepest place of both flanks is given. The ratio of the flanks' depths is that of the law.
+    MaxDepth {
+        /// Depth of that place, µm.
+        max_depth_um: f64,
+    },
+    /// The wear coefficient and the number of mesh cycles are given.
+    Cycles {
+        /// Archard's coefficient k, worn volume per normal force and sliding distance, mm²/N.
+        coefficient: f64,
+        /// Mesh cycles n_1 of each tooth of the pinion, which are its revolutions.
+        pinion_cycles: f64,
+    },
 }
 
 impl WearLaw {
+    /// Whether the depth may be negative.
+    pub(crate) const fn adds_material(self) -> bool {
+        matches!(self, Self::Signed { .. })
+    }
+
     /// The same law with `factor` times the depth everywhere.
     #[must_use]
     pub const fn scaled(self, factor: f64) -> Self {
@@ -436,6 +468,27 @@ impl WearLaw {
             },
             Self::Signed { coefficient } => Self::Signed {
                 coefficient: factor * coefficient,
+            },
+            Self::LocalArchard { amount } => Self::LocalArchard {
+                amount: amount.scaled(factor),
+            },
+        }
+    }
+}
+
+impl LocalAmount {
+    /// `factor` times the depth everywhere, by as many times the cycles where these are given.
+    const fn scaled(self, factor: f64) -> Self {
+        match self {
+            Self::MaxDepth { max_depth_um } => Self::MaxDepth {
+                max_depth_um: factor * max_depth_um,
+            },
+            Self::Cycles {
+                coefficient,
+                pinion_cycles,
+            } => Self::Cycles {
+                coefficient,
+                pinion_cycles: factor * pinion_cycles,
             },
         }
     }
@@ -465,12 +518,35 @@ impl Wear {
     /// Names the first field that is out of its domain.
     pub fn validate(&self) -> Result<(), InputError> {
         match self.law {
-            WearLaw::Archard { max_depth_um } => check_range(
+            WearLaw::Archard { max_depth_um }
+            | WearLaw::LocalArchard {
+                amount: LocalAmount::MaxDepth { max_depth_um },
+            } => check_range(
                 "max_depth_um",
                 max_depth_um,
                 0.0..=1e6,
                 "a depth from 0 to 1e6 µm",
             )?,
+            WearLaw::LocalArchard {
+                amount:
+                    LocalAmount::Cycles {
+                        coefficient,
+                        pinion_cycles,
+                    },
+            } => {
+                check_range(
+                    "coefficient",
+                    coefficient,
+                    0.0..=1e-3,
+                    "a coefficient from 0 to 1e-3 mm²/N",
+                )?;
+                check_range(
+                    "pinion_cycles",
+                    pinion_cycles,
+                    0.0..=1e12,
+                    "a number of cycles from 0 to 1e12",
+                )?;
+            }
             WearLaw::Signed { coefficient } => check_range(
                 "coefficient",
                 coefficient,

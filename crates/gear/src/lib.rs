@@ -156,8 +156,8 @@ pub use corrections::{Corrections, ReliefShape, TipRelief};
 pub use error::{Error, Infeasible};
 pub use geometry::{Geometry, Interference, Sliding, normal_module, sum_profile_shift};
 pub use input::{
-    Discretisation, InputError, Kernel, Material, Member, PairInput, Rack, Size, TipRule,
-    ToothModel, Wear, WearLaw,
+    Discretisation, InputError, Kernel, LocalAmount, Material, Member, PairInput, Rack, Size,
+    TipRule, ToothModel, Wear, WearLaw,
 };
 pub use manufacture::{FlankClass, Scatter, TOLERANCE_IN_SD};
 pub use outline::{Placement, gear_outline, mesh_placement};

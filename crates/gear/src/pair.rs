@@ -223,7 +223,7 @@ impl Pair {
         &self.geometry
     }
 
-    /// Specific sliding at both ends of the path; its `max` is the criterion g_s.
+    /// Specific sliding at both ends of the path that undercut leaves; its `max` is the criterion g_s.
     #[must_use]
     pub fn sliding(&self) -> Sliding {
         self.geometry.sliding()

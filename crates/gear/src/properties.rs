@@ -8,7 +8,9 @@ use stats::streams::{Purpose, stream};
 use crate::corrections::Lead;
 use crate::general::{self, config, feasible};
 use crate::geometry::Geometry;
-use crate::input::{Discretisation, Kernel, Member, PairInput, ToothModel, Wear, WearLaw};
+use crate::input::{
+    Discretisation, Kernel, LocalAmount, Member, PairInput, ToothModel, Wear, WearLaw,
+};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
 use crate::path::{Path, Touch, Window};
@@ -272,7 +274,7 @@ proptest! {
         let law = WearLaw::Signed { coefficient };
         let worn = pair.archard(&Wear { law, ..crate::paper::WEAR });
         let bound = |pick: fn(f64, f64) -> f64| {
-            pair.to_ste_um(2.0 * worn.depth.iter().copied().fold(0.0, pick))
+            pair.to_ste_um(2.0 * worn.depth[0].iter().copied().fold(0.0, pick))
         };
         let (least, most) = (bound(f64::min), bound(f64::max));
         let rounding = 1e-9 * (most - least);
@@ -301,18 +303,22 @@ proptest! {
     #[test]
     fn wear_acts_through_the_sum(input in all_pairs(), seed in 0_u64..1000) {
         let pair = feasible!(&input);
-        let wear = Wear {
-            law: WearLaw::Archard { max_depth_um: 4.0 },
-            kernel: Kernel::ALL[seed as usize % Kernel::ALL.len()],
-            range: 0.2,
-            variance: 0.02,
-        };
-        let profile = pair.sampler(&wear).draw_profile(&mut stream(1, Purpose::Test, 0, seed));
-        let [a, b] = &profile.depth;
-        let mut scratch = Scratch::default();
-        let sum: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
-        let from_sum = pair.to_ste_um(span(&pair, &sum, &mut scratch));
-        prop_assert!((from_sum / profile.delta_ste_um - 1.0).abs() < 1e-8);
+        let amount = LocalAmount::MaxDepth { max_depth_um: 4.0 };
+        for law in [WearLaw::Archard { max_depth_um: 4.0 }, WearLaw::LocalArchard { amount }] {
+            let wear = Wear {
+                law,
+                kernel: Kernel::ALL[seed as usize % Kernel::ALL.len()],
+                range: 0.2,
+                variance: 0.02,
+            };
+            let mut rng = stream(1, Purpose::Test, 0, seed);
+            let profile = pair.sampler(&wear).draw_profile(&mut rng);
+            let [a, b] = &profile.depth;
+            let mut scratch = Scratch::default();
+            let sum: Vec<f64> = a.iter().zip(b).map(|(a, b)| a + b).collect();
+            let from_sum = pair.to_ste_um(span(&pair, &sum, &mut scratch));
+            prop_assert!((from_sum / profile.delta_ste_um - 1.0).abs() < 1e-8);
+        }
     }
 
     /// 11: in full contact ΔSTE follows the gap no faster than the gap's own range.

@@ -1,9 +1,9 @@
 //! Random flanks: one ΔSTE per draw.
 //!
-//! The gap of a sample is g(s) = W(s) [Θ1(θ1) + Θ2(θ2)] with W the depth of [`WearLaw`],
-//! θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the roll angles of the two gears and Θ1, Θ2 independent fields
-//! (see `field`). A multiplier below zero counts as zero. Deviations of manufacture (see `manufacture`)
-//! are further random terms of g where they are asked for.
+//! The gap of a sample is g(s) = W1(s) Θ1(θ1) + W2(s) Θ2(θ2) with W1, W2 the depths of
+//! [`WearLaw`](crate::WearLaw), θ1 = s/r_b1 and θ2 = (L − s)/r_b2 the roll angles of the two gears and
+//! Θ1, Θ2 independent fields (see `field`). A multiplier below zero counts as zero. Deviations of
+//! manufacture (see `manufacture`) are further random terms of g where they are asked for.
 
 use std::sync::Arc;
 
@@ -11,7 +11,7 @@ use rand::Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::field::Field;
-use crate::input::{Member, ToothModel, Wear, WearLaw};
+use crate::input::{Member, ToothModel, Wear};
 use crate::manufacture::{Deviation, Deviations, Scatter};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
@@ -43,7 +43,7 @@ pub struct Sampler {
     mesh: Option<Arc<Mesh>>,
     fields: [Field; 2],
     roll: [Vec<f64>; 2],
-    depth: Vec<f64>,
+    depth: [Vec<f64>; 2],
     deviations: Deviations,
     /// Whether the depth may be negative.
     signed: bool,
@@ -109,7 +109,7 @@ impl Sampler {
             roll,
             depth: pair.depth(wear),
             deviations,
-            signed: matches!(wear.law, WearLaw::Signed { .. }),
+            signed: wear.law.adds_material(),
             relief: pair.relief.clone(),
             scale: pair.to_ste_um(1.0),
             normals: Vec::new(),
@@ -176,13 +176,16 @@ impl Sampler {
             field.evaluate(own, theta);
             rest = others;
         }
+        let [pinion, gear] = &self.depth;
         self.gap.clear();
+        // For equal depths the second term is zero, and the gap is exactly the depth times a + b.
         self.gap.extend(
-            self.depth
+            pinion
                 .iter()
+                .zip(gear)
                 .zip(&self.relief)
                 .zip(self.theta[0].iter().zip(&self.theta[1]))
-                .map(|((depth, relief), (a, b))| relief + depth * (a + b)),
+                .map(|(((d1, d2), relief), (a, b))| relief + (d1 * (a + b) + (d2 - d1) * b)),
         );
         self.deviation = self.deviations.of(rest);
         let scatters = self.deviations.modes() > 0;
@@ -203,16 +206,16 @@ impl Sampler {
     /// As [`draw`](Self::draw), with the wear profiles that gave the ΔSTE.
     pub fn draw_profile<R: Rng + ?Sized>(&mut self, rng: &mut R) -> WearProfile {
         let delta_ste_um = self.draw(rng);
-        let worn = |theta: &Vec<f64>| -> Vec<f64> {
-            theta
-                .iter()
-                .zip(&self.depth)
-                .map(|(theta, depth)| theta * depth)
-                .collect()
-        };
+        let depth = [0, 1].map(|i| {
+            let theta = self.theta[i].iter();
+            let worn = theta
+                .zip(&self.depth[i])
+                .map(|(theta, depth)| theta * depth);
+            worn.collect()
+        });
         WearProfile {
             roll: self.roll.clone(),
-            depth: [worn(&self.theta[0]), worn(&self.theta[1])],
+            depth,
             slope_deviation: self.deviation.profile,
             tilt: self.deviation.tilt,
             delta_ste_um,

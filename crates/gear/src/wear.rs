@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::analysis::{Analysis, pressures};
-use crate::input::{Wear, WearLaw};
+use crate::analysis::{Analysis, line_loads, pressures};
+use crate::input::{LocalAmount, Member, Wear, WearLaw};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
 
@@ -14,9 +14,9 @@ pub struct WornPair {
     pub analysis: Analysis,
     /// Places on the path of contact, mm from the pinion's base tangent point.
     pub s: Vec<f64>,
-    /// Depth of wear W(s) on each flank, mm normal to it; negative where [`WearLaw::Signed`] adds
-    /// material.
-    pub depth: Vec<f64>,
+    /// Depth of wear W(s) on the pinion's flank and on the gear's, mm normal to it; negative where
+    /// [`WearLaw::Signed`] adds material.
+    pub depth: [Vec<f64>; 2],
     /// Greatest Hertz pressure over the mesh period at those places, MPa.
     pub pressure: Vec<f64>,
 }
@@ -113,40 +113,87 @@ impl Pair {
             .unwrap_or_else(|_| Arc::clone(&self.mesh))
     }
 
-    /// The gap at the nodes with wear of this depth on both flanks, and the lowest gap, which is subtracted
+    /// The gap at the nodes with wear of these depths on the flanks, and the lowest gap, which is subtracted
     /// from it where the wear may add material; mm.
-    pub(crate) fn worn_gap(&self, wear: &Wear, depth: &[f64]) -> (Vec<f64>, f64) {
-        let mut gap: Vec<f64> = depth
+    pub(crate) fn worn_gap(&self, wear: &Wear, depth: &[Vec<f64>; 2]) -> (Vec<f64>, f64) {
+        let [pinion, gear] = depth;
+        let mut gap: Vec<f64> = pinion
             .iter()
+            .zip(gear)
             .zip(&self.relief)
-            .map(|(depth, relief)| relief + 2.0 * depth)
+            .map(|((pinion, gear), relief)| relief + (pinion + gear))
             .collect();
-        let lowest = match wear.law {
-            WearLaw::Archard { .. } => 0.0,
-            WearLaw::Signed { .. } => subtract_lowest(&mut gap),
+        let lowest = if wear.law.adds_material() {
+            subtract_lowest(&mut gap)
+        } else {
+            0.0
         };
         (gap, lowest)
     }
 
-    /// Mean wear depth on each flank at the nodes, mm: [`WearLaw`].
-    pub(crate) fn depth(&self, wear: &Wear) -> Vec<f64> {
-        let places = self.mesh.frame.path.s.iter().zip(self.pressure());
+    /// Mean wear depth at the nodes, mm, [pinion, gear]: [`WearLaw`].
+    pub(crate) fn depth(&self, wear: &Wear) -> [Vec<f64>; 2] {
+        let places = self.path().iter().zip(self.pressure());
         let s_pitch = self.geometry().s_pitch;
         match wear.law {
             WearLaw::Archard { max_depth_um } => {
-                let max_depth = max_depth_um * 1e-3;
                 let mut depth: Vec<f64> = places.map(|(s, p)| p * (s - s_pitch).abs()).collect();
-                let most = depth.iter().fold(0.0, |most: f64, &v| most.max(v));
-                if most > 0.0 {
-                    for v in &mut depth {
-                        *v = max_depth * (*v / most);
+                scale_deepest(std::slice::from_mut(&mut depth), max_depth_um * 1e-3);
+                [depth.clone(), depth]
+            }
+            WearLaw::Signed { coefficient } => {
+                let depth: Vec<f64> = places
+                    .map(|(s, p)| coefficient * p * (s_pitch - s))
+                    .collect();
+                [depth.clone(), depth]
+            }
+            WearLaw::LocalArchard { amount } => {
+                let mut depth = self.pressed_sliding();
+                match amount {
+                    LocalAmount::MaxDepth { max_depth_um } => {
+                        scale_deepest(&mut depth, max_depth_um * 1e-3);
+                    }
+                    LocalAmount::Cycles {
+                        coefficient,
+                        pinion_cycles,
+                    } => {
+                        let factor = coefficient * pinion_cycles;
+                        for v in depth.iter_mut().flatten() {
+                            *v *= factor;
+                        }
                     }
                 }
                 depth
             }
-            WearLaw::Signed { coefficient } => places
-                .map(|(s, p)| coefficient * p * (s_pitch - s))
-                .collect(),
+        }
+    }
+
+    /// Pressure times sliding distance at the nodes per mesh cycle of the pinion, N/mm, [pinion, gear].
+    fn pressed_sliding(&self) -> [Vec<f64>; 2] {
+        let (geometry, s) = (self.geometry(), self.path());
+        let load = line_loads(self.input(), geometry, s, self.pressure());
+        let [z1, z2] = geometry.teeth.map(f64::from);
+        let cycles = [1.0, z1 / z2];
+        Member::BOTH.map(|member| {
+            // A point slides in the transverse section, at β_b to the normal of the contact line.
+            let factor = cycles[member.index()] / geometry.beta_b.cos();
+            s.iter()
+                .zip(&load)
+                .map(|(&s, w)| factor * w * geometry.specific_sliding(member, s).abs())
+                .collect()
+        })
+    }
+}
+
+/// Scales all depths so that the greatest is `deepest`, unless all are zero.
+fn scale_deepest(depth: &mut [Vec<f64>], deepest: f64) {
+    let most = depth
+        .iter()
+        .flatten()
+        .fold(0.0, |most: f64, &v| most.max(v));
+    if most > 0.0 {
+        for v in depth.iter_mut().flatten() {
+            *v = deepest * (*v / most);
         }
     }
 }

@@ -92,6 +92,7 @@ impl std::fmt::Display for Reading {
             WearLaw::Signed { coefficient } => {
                 write!(f, "Signed law with {:.1}e-7/MPa", 1e7 * coefficient)?;
             }
+            WearLaw::LocalArchard { amount } => write!(f, "Local Archard's law, {amount:?}")?,
         }
         write!(f, ", {}, tips {}", self.tooth_model, self.tip_rule)
     }
@@ -302,6 +303,7 @@ pub fn markdown(scores: &[Score]) -> String {
         let fitted = match reading.law {
             WearLaw::Archard { max_depth_um } => format!("{max_depth_um:.1} µm"),
             WearLaw::Signed { coefficient } => format!("{:.1}", 1e7 * coefficient),
+            WearLaw::LocalArchard { .. } => "–".to_owned(),
         };
         let groups = [Group::Worn, Group::Scatter, Group::Unworn, Group::Table3];
         let groups = groups
@@ -357,5 +359,6 @@ const fn law(reading: &Reading) -> &'static str {
     match reading.law {
         WearLaw::Archard { .. } => "Archard",
         WearLaw::Signed { .. } => "signed",
+        WearLaw::LocalArchard { .. } => "local Archard",
     }
 }

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use gear::{
-    Corrections, Discretisation, Error, Kernel, Material, Member, Pair, PairInput, ReliefShape,
-    Size, TipRelief, TipRule, ToothModel, Wear, WearLaw, gear_outline, rating,
+    Corrections, Discretisation, Error, Kernel, LocalAmount, Material, Member, Pair, PairInput,
+    ReliefShape, Size, TipRelief, TipRule, ToothModel, Wear, WearLaw, gear_outline, rating,
 };
 use rand::RngExt as _;
 use stats::streams::StreamRng;
@@ -224,14 +224,18 @@ pub(crate) fn input(rng: &mut StreamRng) -> PairInput {
 
 pub(crate) fn wear(rng: &mut StreamRng, m: f64) -> Wear {
     Wear {
-        law: if rng.random_range(0..3) == 0 {
-            WearLaw::Signed {
+        law: match rng.random_range(0..3) {
+            0 => WearLaw::Signed {
                 coefficient: log_uniform(rng, 1e-10, 1.0),
-            }
-        } else {
-            WearLaw::Archard {
+            },
+            1 => WearLaw::Archard {
                 max_depth_um: (1e3 * m * log_uniform(rng, 1e-6, 1.0)).min(1e6),
-            }
+            },
+            _ => WearLaw::LocalArchard {
+                amount: LocalAmount::MaxDepth {
+                    max_depth_um: (1e3 * m * log_uniform(rng, 1e-6, 1.0)).min(1e6),
+                },
+            },
         },
         kernel: Kernel::ALL[rng.random_range(0..5)],
         range: log_uniform(rng, 0.02, 10.0),
@@ -316,7 +320,7 @@ pub(crate) fn check(pair: &Pair, wear: &Wear, rng: &mut StreamRng) -> Result<(),
     for analysis in [pair.unworn(), pair.archard(wear).analysis] {
         // Material that the signed law adds shifts the error to either side.
         let floor = match wear.law {
-            WearLaw::Archard { .. } => 0.0,
+            WearLaw::Archard { .. } | WearLaw::LocalArchard { .. } => 0.0,
             WearLaw::Signed { .. } => f64::MIN,
         };
         fine("STE", &analysis.ste_um, floor)?;

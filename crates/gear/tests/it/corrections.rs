@@ -81,7 +81,7 @@ pub(crate) fn slice_sum(pair: &Pair, worn: &dyn Fn(f64) -> f64, phi: f64) -> f64
 fn compare_with_slices(input: &PairInput, corrections: &Corrections) {
     let pair = corrected(input, corrections);
     let archard = pair.archard(&WEAR);
-    let depth = |s: f64| 2.0 * linear(&archard.s, &archard.depth, s);
+    let depth = |s: f64| 2.0 * linear(&archard.s, &archard.depth[0], s);
     for (analysis, worn) in [
         (pair.unworn(), &(|_| 0.0) as &dyn Fn(f64) -> f64),
         (archard.analysis.clone(), &depth),

@@ -1,7 +1,7 @@
 //! A fixed budget of random and hostile inputs: never a panic, a NaN or an endless loop. The `fuzz`
 //! example runs the same with any budget.
 
-use gear::{Kernel, Wear, WearLaw};
+use gear::{Kernel, LocalAmount, Wear, WearLaw};
 
 use crate::adversary;
 use crate::support::rng;
@@ -51,7 +51,7 @@ fn a_waist_of_rounding_is_severed() {
         profile_shift: [2.1026077500658236, -0.9045902708532203],
         tool_addendum: [2.509818346600639, 2.592574144051521],
         tool_dedendum: [2.4810130191739543, 1.9534047976768738],
-        tip_radius: [0.3536401135382794, 1.1387032683372258],
+        tip_radius: [0.3536401135382794, 0.9],
         root_radius: [1.2162266016285461, 0.05506905044608207],
         tip_rule: gear::TipRule::ClearRoot,
         ..crate::support::plain()
@@ -62,6 +62,33 @@ fn a_waist_of_rounding_is_severed() {
         }
         other => panic!("{:?}", other.map(|pair| pair.pitch_stiffness())),
     }
+}
+
+/// Found by the fuzz: in the middle of the path the load lies below the roots of both teeth, so that whole
+/// teeth have contact compliance alone there.
+#[test]
+fn whole_teeth_that_do_not_bend_have_an_error() {
+    let input = gear::PairInput {
+        teeth: [629, 141],
+        size: gear::Size::CentreDistance(337.99580516452727),
+        pressure_angle: 0.7710656630102593,
+        helix_angle: -0.6351528898489597,
+        face_width: 218.15534747251795,
+        profile_shift: [2.7796301003235877, 2.386810655218194],
+        tool_addendum: [0.5623853790019995, 0.15227823532916024],
+        tool_dedendum: [3.2843885601423786, 3.4],
+        tip_radius: [0.385424711527318, 0.546935703572801],
+        root_radius: [0.1746851491553291, 0.31940164594299747],
+        tooth_model: gear::ToothModel::WholeFaceBeam,
+        ..crate::support::plain()
+    };
+    let whole = crate::support::pair(&input).unworn();
+    let slices = crate::support::pair(&gear::PairInput {
+        tooth_model: gear::ToothModel::HertzBeam,
+        ..input
+    });
+    let ratio = whole.ste_um[0] / slices.unworn().ste_um[0];
+    assert!((0.9..1.1).contains(&ratio), "{ratio}");
 }
 
 /// A wear that does not validate gives NaN at worst.
@@ -80,6 +107,21 @@ fn an_invalid_wear_does_not_panic() {
         for law in [
             WearLaw::Archard { max_depth_um },
             WearLaw::Signed { coefficient },
+            WearLaw::LocalArchard {
+                amount: LocalAmount::MaxDepth { max_depth_um },
+            },
+            WearLaw::LocalArchard {
+                amount: LocalAmount::Cycles {
+                    coefficient,
+                    pinion_cycles: 1e6,
+                },
+            },
+            WearLaw::LocalArchard {
+                amount: LocalAmount::Cycles {
+                    coefficient: 1e-10,
+                    pinion_cycles: depth,
+                },
+            },
         ] {
             let wear = Wear {
                 law,

@@ -2,8 +2,8 @@
 
 use gear::paper::{MAX_DEPTH_UM, SIGNED_WEAR};
 use gear::{
-    Discretisation, Member, Pair, PairInput, Size, ToothModel, Wear, WearLaw, gear_outline,
-    mesh_placement,
+    Discretisation, LocalAmount, Member, Pair, PairInput, Size, ToothModel, Wear, WearLaw,
+    gear_outline, mesh_placement,
 };
 use proptest::prelude::*;
 use stats::streams::{Purpose, stream};
@@ -22,6 +22,13 @@ const SLICED: [ToothModel; 3] = [
     ToothModel::WeberBanaschek,
     ToothModel::PrismaticBeam,
 ];
+
+/// The paper's depth on the deepest place of both flanks.
+const LOCAL: WearLaw = WearLaw::LocalArchard {
+    amount: LocalAmount::MaxDepth {
+        max_depth_um: MAX_DEPTH_UM,
+    },
+};
 
 fn close(a: f64, b: f64, relative: f64) -> bool {
     (a - b).abs() <= relative * a.abs().max(b.abs())
@@ -47,10 +54,10 @@ proptest! {
         let pair = feasible!(&PairInput { pinion_torque: 0.0, ..input });
         prop_assert!(pair.unworn().ste_um.iter().all(|&ste| ste == 0.0));
         prop_assert_eq!(pair.unworn().delta_ste_um, 0.0);
-        for wear in [WEAR, SIGNED_WEAR] {
+        for wear in [WEAR, SIGNED_WEAR, Wear { law: LOCAL, ..WEAR }] {
             let worn = pair.archard(&wear);
             prop_assert_eq!(worn.analysis.delta_ste_um, 0.0);
-            prop_assert!(worn.depth.iter().all(|&depth| depth == 0.0));
+            prop_assert!(worn.depth.iter().flatten().all(|&depth| depth == 0.0));
         }
     }
 
@@ -183,10 +190,21 @@ proptest! {
             a.archard(&WEAR).analysis.delta_ste_um, b.archard(&WEAR).analysis.delta_ste_um, 1e-6
         ));
         // The signed law takes off the one gear's flank what it adds to the other's.
-        let [one, other] = [&a, &b].map(|pair| pair.archard(&SIGNED_WEAR).depth);
+        let [[one, _], [other, _]] = [&a, &b].map(|pair| pair.archard(&SIGNED_WEAR).depth);
         let most = one.iter().fold(0.0_f64, |most, depth| most.max(depth.abs()));
         for (one, other) in one.iter().zip(other.iter().rev()) {
             prop_assert!((one + other).abs() <= 1e-6 * most, "{one} {other}");
+        }
+        // The local law wears each flank as before, whichever gear it belongs to.
+        let local = Wear { law: LOCAL, ..WEAR };
+        let [[pinion, gear], [other_pinion, other_gear]] =
+            [&a, &b].map(|pair| pair.archard(&local).depth);
+        for (one, other) in pinion
+            .iter()
+            .chain(&gear)
+            .zip(other_gear.iter().rev().chain(other_pinion.iter().rev()))
+        {
+            prop_assert!((one - other).abs() <= 1e-5 * 1e-3 * MAX_DEPTH_UM, "{one} {other}");
         }
         let (a, b) = (a.root_stress(), b.root_stress());
         prop_assert!(close(a[0].stress_mpa, b[1].stress_mpa, 1e-9));
@@ -200,16 +218,17 @@ proptest! {
         let worn = pair.archard(&WEAR);
         let g = pair.geometry();
         prop_assume!(g.s_pitch > g.s_in && g.s_pitch < g.s_out);
+        prop_assert_eq!(&worn.depth[0], &worn.depth[1]);
         let (least, at) = worn
-            .depth
+            .depth[0]
             .iter()
             .zip(&worn.s)
             .fold((f64::MAX, 0.0), |best, (&d, &s)| if d < best.0 { (d, s) } else { best });
         prop_assert!(least < 1e-15 && (at - g.s_pitch).abs() < 1e-12 * g.path_length);
-        let deepest = worn.depth.iter().fold(0.0, |most: f64, &d| most.max(d));
+        let deepest = worn.depth[0].iter().fold(0.0, |most: f64, &d| most.max(d));
         prop_assert!(close(1e3 * deepest, MAX_DEPTH_UM, 1e-14));
         let signed = pair.archard(&SIGNED_WEAR);
-        for (s, depth) in signed.s.iter().zip(&signed.depth) {
+        for (s, depth) in signed.s.iter().zip(&signed.depth[0]) {
             prop_assert!(depth * (g.s_pitch - s) >= 0.0, "{s}: {depth}");
         }
     }
@@ -336,8 +355,7 @@ fn random_profiles_have_the_stated_mean_and_variance() {
     let pair = pair(&figure_7());
     let worn = pair.archard(&WEAR);
     let mut sampler = pair.sampler(&WEAR);
-    let node = worn
-        .depth
+    let node = worn.depth[0]
         .iter()
         .position(|&d| d == 1e-3 * MAX_DEPTH_UM)
         .unwrap();

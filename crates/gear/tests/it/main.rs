@@ -16,3 +16,5 @@ mod slices;
 mod spread;
 mod support;
 mod tip_rule;
+mod undercut;
+mod wear;

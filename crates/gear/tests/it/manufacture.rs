@@ -89,7 +89,7 @@ fn deviated_pairs_agree_with_a_slice_sum() {
         for f in [[0.008, -0.003], [-0.008, 0.003]] {
             // Slices are balanced above zero: a constant changes no ΔSTE.
             let gap =
-                |s: f64| 0.02 + 2.0 * linear(&worn.s, &worn.depth, s) + slope_gap(&pair, f, s);
+                |s: f64| 0.02 + 2.0 * linear(&worn.s, &worn.depth[0], s) + slope_gap(&pair, f, s);
             let phases = worn.analysis.phases.iter();
             let ste: Vec<f64> = phases
                 .map(|phi| slice_sum(&pair, &gap, phi * pair.geometry().base_pitch))

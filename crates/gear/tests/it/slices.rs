@@ -40,7 +40,7 @@ fn compare(input: &PairInput, worn: bool) {
     };
     let gap = |s: f64| {
         if worn {
-            2.0 * linear(&worn_pair.s, &worn_pair.depth, s)
+            2.0 * linear(&worn_pair.s, &worn_pair.depth[0], s)
         } else {
             0.0
         }

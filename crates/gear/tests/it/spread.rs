@@ -114,9 +114,9 @@ fn compare(input: &PairInput, wear: &Wear, correlation: impl Fn(f64) -> f64 + Co
     let dense: Vec<f64> = (0..DENSE)
         .map(|_| {
             let mut gap = vec![0.0; worn.s.len()];
-            for l in &factors {
+            for (l, depth) in factors.iter().zip(&worn.depth) {
                 let z: Vec<f64> = l.iter().map(|_| normal(&mut rng)).collect();
-                for ((gap, row), depth) in gap.iter_mut().zip(l).zip(&worn.depth) {
+                for ((gap, row), depth) in gap.iter_mut().zip(l).zip(depth) {
                     let theta: f64 = 1.0 + row.iter().zip(&z).map(|(a, b)| a * b).sum::<f64>();
                     *gap += depth * theta.max(0.0);
                 }

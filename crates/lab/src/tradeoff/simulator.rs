@@ -255,8 +255,8 @@ impl Measurements {
             .push(micros(|| sum().delta_ste_um(&zero)));
         let mut sum = sum();
         self.note_unworn(sum.delta_ste_um(&zero), reference);
-        let depth = reference.pair.archard(wear).depth;
-        let gap: Vec<f64> = depth.iter().map(|depth| 2.0 * depth).collect();
+        let [pinion, mate] = reference.pair.archard(wear).depth;
+        let gap: Vec<f64> = pinion.iter().zip(&mate).map(|(a, b)| a + b).collect();
         self.note_archard(sum.delta_ste_um(&gap), reference);
         for (gap, &exact) in reference.gaps.iter().zip(&reference.random) {
             self.random.push(percent(sum.delta_ste_um(gap), exact));

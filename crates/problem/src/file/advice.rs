@@ -1,6 +1,6 @@
 //! Warnings about values that are valid but doubtful, mostly because of a wrong unit.
 
-use gear::{Range, Size, ToothModel, Wear, WearLaw};
+use gear::{LocalAmount, Range, Size, ToothModel, Wear, WearLaw};
 
 use super::{
     FrozenSection, GearSections, HELIX_ANGLE, Material, PairSection, ROOT_RADII, Setting,
@@ -31,7 +31,10 @@ pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) 
              {most} mm"
         ));
     }
-    if let WearLaw::Archard { max_depth_um } = wear.law
+    if let WearLaw::Archard { max_depth_um }
+    | WearLaw::LocalArchard {
+        amount: LocalAmount::MaxDepth { max_depth_um },
+    } = wear.law
         && max_depth_um > DEEPEST_WEAR_UM
     {
         warnings.push(format!(

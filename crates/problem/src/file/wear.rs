@@ -1,6 +1,6 @@
 //! `[wear]`: the law of the mean wear, by the number that it takes, and the random field.
 
-use gear::{Kernel, Wear, WearLaw};
+use gear::{Kernel, LocalAmount, Wear, WearLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
@@ -11,14 +11,26 @@ use super::validate::{Invalid, Source};
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WearSection {
+    /// The law of the mean wear. If absent, it follows from the number that is given; only
+    /// `"local-archard"` with `max_depth_um` needs the name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    law: Option<LawName>,
     /// Archard's law: material is removed wherever the flanks slide, and the deepest place of every flank has
-    /// this depth, µm. Either this or `coefficient_per_mpa` is given.
+    /// this depth, µm. With `law = "local-archard"` the deepest place of both flanks together has it. Either this,
+    /// `coefficient_per_mpa` or `wear_coefficient_mm2_per_n` is given.
     #[serde(skip_serializing_if = "Option::is_none")]
     max_depth_um: Option<f64>,
     /// The paper's law: the depth per pressure and sliding, 1/MPa, the same for all pairs. The depth has the sign
     /// of the sliding velocity.
     #[serde(skip_serializing_if = "Option::is_none")]
     coefficient_per_mpa: Option<f64>,
+    /// Archard's law with each flank's own sliding: the worn volume per force and sliding distance, mm²/N. Given
+    /// with `pinion_cycles`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wear_coefficient_mm2_per_n: Option<f64>,
+    /// Number of revolutions of the pinion over which the flanks wear with `wear_coefficient_mm2_per_n`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pinion_cycles: Option<f64>,
     /// Covariance of the random field.
     kernel: Kernel,
     /// Range of the random field, rad of roll angle.
@@ -27,29 +39,132 @@ pub(super) struct WearSection {
     variance: f64,
 }
 
+/// The name of a law of the mean wear.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum LawName {
+    /// Pressure times distance from the pitch point, with the same depth on both flanks.
+    Archard,
+    /// The law of the paper, which adds material beyond the pitch point.
+    Signed,
+    /// Line load times the specific sliding of each flank, so that roots wear deeper than tips.
+    LocalArchard,
+}
+
+/// The number that a section gives for its law.
+enum Amount {
+    MaxDepth(f64),
+    PerMpa(f64),
+    Cycles(LocalAmount),
+}
+
+impl Amount {
+    /// The key of the number, and the laws that take it.
+    const fn place(&self) -> (&'static str, &'static str) {
+        match self {
+            Self::MaxDepth(_) => ("max_depth_um", "\"archard\" or \"local-archard\""),
+            Self::PerMpa(_) => ("coefficient_per_mpa", "\"signed\""),
+            Self::Cycles(_) => ("wear_coefficient_mm2_per_n", "\"local-archard\""),
+        }
+    }
+}
+
+impl WearSection {
+    fn law(&self) -> Result<WearLaw, Invalid> {
+        let amount = self.amount()?;
+        match (self.law, amount) {
+            (None | Some(LawName::Archard), Amount::MaxDepth(max_depth_um)) => {
+                Ok(WearLaw::Archard { max_depth_um })
+            }
+            (None | Some(LawName::Signed), Amount::PerMpa(coefficient)) => {
+                Ok(WearLaw::Signed { coefficient })
+            }
+            (Some(LawName::LocalArchard), Amount::MaxDepth(max_depth_um)) => {
+                Ok(WearLaw::LocalArchard {
+                    amount: LocalAmount::MaxDepth { max_depth_um },
+                })
+            }
+            (None | Some(LawName::LocalArchard), Amount::Cycles(amount)) => {
+                Ok(WearLaw::LocalArchard { amount })
+            }
+            (Some(law), amount) => {
+                let (key, laws) = amount.place();
+                let expected = format!("{laws} beside {key}");
+                Err(Invalid::new("wear.law", &law, expected))
+            }
+        }
+    }
+
+    /// The only number of a law that the section gives.
+    fn amount(&self) -> Result<Amount, Invalid> {
+        let cycles = match (self.wear_coefficient_mm2_per_n, self.pinion_cycles) {
+            (Some(coefficient), Some(pinion_cycles)) => Some(LocalAmount::Cycles {
+                coefficient,
+                pinion_cycles,
+            }),
+            (None, None) => None,
+            (Some(_), None) => {
+                return Err(Invalid::missing(
+                    "wear.pinion_cycles",
+                    "given beside wear_coefficient_mm2_per_n: the depth grows with the cycles",
+                ));
+            }
+            (None, Some(cycles)) => {
+                return Err(Invalid::new(
+                    "wear.pinion_cycles",
+                    &cycles,
+                    "absent without wear_coefficient_mm2_per_n",
+                ));
+            }
+        };
+        match (self.max_depth_um, self.coefficient_per_mpa, cycles) {
+            (Some(max_depth_um), None, None) => Ok(Amount::MaxDepth(max_depth_um)),
+            (None, Some(coefficient), None) => Ok(Amount::PerMpa(coefficient)),
+            (None, None, Some(cycles)) => Ok(Amount::Cycles(cycles)),
+            (None, None, None) => Err(self.without_amount()),
+            (Some(_), Some(coefficient), _) => Err(Invalid::new(
+                "wear.coefficient_per_mpa",
+                &coefficient,
+                "absent beside max_depth_um: each is the number of another law",
+            )),
+            (depth, _, Some(_)) => {
+                let other = match depth {
+                    Some(_) => "max_depth_um: the depth follows from the cycles",
+                    None => "coefficient_per_mpa: each is the number of another law",
+                };
+                Err(Invalid::new(
+                    "wear.wear_coefficient_mm2_per_n",
+                    &self.wear_coefficient_mm2_per_n,
+                    format!("absent beside {other}"),
+                ))
+            }
+        }
+    }
+
+    /// The error for a section without a number of its law.
+    fn without_amount(&self) -> Invalid {
+        let (key, expected) = match self.law {
+            None => (
+                "max_depth_um",
+                "given, unless coefficient_per_mpa or wear_coefficient_mm2_per_n is",
+            ),
+            Some(LawName::Archard) => ("max_depth_um", "given with law = \"archard\""),
+            Some(LawName::Signed) => ("coefficient_per_mpa", "given with law = \"signed\""),
+            Some(LawName::LocalArchard) => (
+                "max_depth_um",
+                "given with law = \"local-archard\", unless wear_coefficient_mm2_per_n is",
+            ),
+        };
+        Invalid::missing(&format!("wear.{key}"), expected)
+    }
+}
+
 impl TryFrom<WearSection> for Wear {
     type Error = Invalid;
 
     fn try_from(section: WearSection) -> Result<Self, Invalid> {
-        let law = match (section.max_depth_um, section.coefficient_per_mpa) {
-            (Some(max_depth_um), None) => WearLaw::Archard { max_depth_um },
-            (None, Some(coefficient)) => WearLaw::Signed { coefficient },
-            (Some(_), Some(coefficient)) => {
-                return Err(Invalid::new(
-                    "wear.coefficient_per_mpa",
-                    &coefficient,
-                    "absent beside max_depth_um: each is the number of another law",
-                ));
-            }
-            (None, None) => {
-                return Err(Invalid::missing(
-                    "wear.max_depth_um",
-                    "given, unless coefficient_per_mpa is",
-                ));
-            }
-        };
         Ok(Self {
-            law,
+            law: section.law()?,
             kernel: section.kernel,
             range: section.range_rad,
             variance: section.variance,
@@ -59,17 +174,36 @@ impl TryFrom<WearSection> for Wear {
 
 impl From<Wear> for WearSection {
     fn from(wear: Wear) -> Self {
-        let (max_depth_um, coefficient_per_mpa) = match wear.law {
-            WearLaw::Archard { max_depth_um } => (Some(max_depth_um), None),
-            WearLaw::Signed { coefficient } => (None, Some(coefficient)),
-        };
-        Self {
-            max_depth_um,
-            coefficient_per_mpa,
+        let mut section = Self {
+            law: None,
+            max_depth_um: None,
+            coefficient_per_mpa: None,
+            wear_coefficient_mm2_per_n: None,
+            pinion_cycles: None,
             kernel: wear.kernel,
             range_rad: wear.range,
             variance: wear.variance,
+        };
+        match wear.law {
+            WearLaw::Archard { max_depth_um } => section.max_depth_um = Some(max_depth_um),
+            WearLaw::Signed { coefficient } => section.coefficient_per_mpa = Some(coefficient),
+            WearLaw::LocalArchard { amount } => {
+                section.law = Some(LawName::LocalArchard);
+                match amount {
+                    LocalAmount::MaxDepth { max_depth_um } => {
+                        section.max_depth_um = Some(max_depth_um);
+                    }
+                    LocalAmount::Cycles {
+                        coefficient,
+                        pinion_cycles,
+                    } => {
+                        section.wear_coefficient_mm2_per_n = Some(coefficient);
+                        section.pinion_cycles = Some(pinion_cycles);
+                    }
+                }
+            }
         }
+        section
     }
 }
 
@@ -94,8 +228,22 @@ pub(super) fn default() -> Wear {
 
 pub(super) fn validate(wear: &Wear, source: Source<'_>) -> Result<(), FileError> {
     match wear.law {
-        WearLaw::Archard { max_depth_um } => {
+        WearLaw::Archard { max_depth_um }
+        | WearLaw::LocalArchard {
+            amount: LocalAmount::MaxDepth { max_depth_um },
+        } => {
             source.within("wear.max_depth_um", max_depth_um, 0.0, 1e6, "µm")?;
+        }
+        WearLaw::LocalArchard {
+            amount:
+                LocalAmount::Cycles {
+                    coefficient,
+                    pinion_cycles,
+                },
+        } => {
+            let key = "wear.wear_coefficient_mm2_per_n";
+            source.within(key, coefficient, 0.0, 1e-3, "mm²/N")?;
+            source.within("wear.pinion_cycles", pinion_cycles, 0.0, 1e12, "")?;
         }
         WearLaw::Signed { coefficient } => {
             source.within("wear.coefficient_per_mpa", coefficient, 0.0, 1.0, "1/MPa")?;

@@ -1,6 +1,6 @@
 //! Facts about simulator and sampling, for the tiles of the report.
 
-use gear::{Discretisation, Wear, WearLaw};
+use gear::{Discretisation, LocalAmount, Wear, WearLaw};
 use problem::file::{ControlVariate, PercentileRule, SIGNIFICANCE};
 use stages::designs;
 use stats::HarrellDavisVariance;
@@ -70,6 +70,18 @@ fn wear(wear: &Wear) -> String {
         }
         WearLaw::Signed { coefficient } => {
             format!("signed law, {coefficient:e} per MPa: adds material beyond the pitch point")
+        }
+        WearLaw::LocalArchard { amount } => {
+            let amount = match amount {
+                LocalAmount::MaxDepth { max_depth_um } => {
+                    format!("{max_depth_um} µm at the deepest point of both flanks")
+                }
+                LocalAmount::Cycles {
+                    coefficient,
+                    pinion_cycles,
+                } => format!("{coefficient:e} mm²/N over {pinion_cycles:e} cycles of the pinion"),
+            };
+            format!("Archard's law with the sliding of each flank, {amount}")
         }
     }
 }

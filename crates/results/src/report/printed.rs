@@ -229,21 +229,24 @@ fn figures(
         ours,
         note: String::new(),
     };
+    // Contact ratio and sliding are those of whole involutes, as printed: the start of Figure 6 is undercut.
+    let geometry = pair.geometry();
     let mut figures = vec![
         figure(
             "r_c",
             "contact ratio <var>r</var><sub>c</sub>",
             "",
             printed.contact_ratio,
-            // That of whole involutes, as printed; the start of Figure 6 is undercut.
-            pair.geometry().contact_ratio,
+            geometry.contact_ratio,
         ),
         figure(
             "g_s",
             "specific slip <var>g</var><sub>s</sub>",
             "",
             printed.specific_slip,
-            criteria.specific_sliding,
+            geometry
+                .sliding_between([geometry.s_in, geometry.s_out])
+                .max,
         ),
         PrintedFigure {
             note: match is_notched {

@@ -17,7 +17,7 @@ pub struct WearProfiles {
     pub subject: String,
     /// Roll angles, rad.
     pub roll_angle_rad: Vec<f64>,
-    /// Archard's depth at each roll angle, µm, positive where material is missing.
+    /// Mean depth at each roll angle, µm, positive where material is missing.
     pub archard_um: Vec<f64>,
     /// Random depths, one list per profile, each as long as the roll angles, µm.
     pub random_um: Vec<Vec<f64>>,
@@ -47,7 +47,8 @@ pub(super) fn profiles(snapshot: &Snapshot) -> Option<WearProfiles> {
     let worn = pair.archard(gears.wear());
     // Pinion flank: its roll angle grows with s, so both lists run the same way.
     let roll = profiles.first()?.roll[0].clone();
-    if worn.depth.len() != roll.len() {
+    let [depth, _] = &worn.depth;
+    if depth.len() != roll.len() {
         return None;
     }
     let slopes = match gears.scatter() == gear::Scatter::default() {
@@ -58,7 +59,7 @@ pub(super) fn profiles(snapshot: &Snapshot) -> Option<WearProfiles> {
     Some(WearProfiles {
         subject: format!("Pinion flank of the optimum of the approach “{name}”{slopes}."),
         roll_angle_rad: roll,
-        archard_um: micrometres(&worn.depth),
+        archard_um: micrometres(depth),
         random_um: random
             .map(|profile| micrometres(&profile.depth[0]))
             .collect(),

@@ -75,8 +75,8 @@ struct Curves {
     pressure: [Vec<f64>; 2],
     /// Roll angles of pinion and mate at the places, rad.
     roll: [Vec<f64>; 2],
-    /// Depth of the mean wear on each flank, µm; empty without wear.
-    depth_um: Vec<f64>,
+    /// Depth of the mean wear on the flanks of pinion and mate, µm; empty without wear.
+    depth_um: [Vec<f64>; 2],
     /// Depths of random wear on the pinion's flank, µm.
     random_um: Vec<Vec<f64>>,
 }
@@ -87,12 +87,13 @@ impl Curves {
         let wear = subject.file.wear;
         let micrometres = |depths: &[f64]| depths.iter().map(|d| d * 1e3).collect::<Vec<f64>>();
         let mut ste = report::ste(pair, &wear);
-        let (mut worn_mpa, mut depth_um, mut random_um) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut worn_mpa, mut random_um) = (Vec::new(), Vec::new());
+        let mut depth_um = [Vec::new(), Vec::new()];
         if subject.request.wear == WearChoice::None {
             ste.worn_um.clear();
         } else {
             let worn = pair.archard(&wear);
-            depth_um = micrometres(&worn.depth);
+            depth_um = [0, 1].map(|i| micrometres(&worn.depth[i]));
             worn_mpa = worn.pressure;
         }
         if subject.request.wear == WearChoice::Random {
@@ -148,12 +149,14 @@ impl Curves {
 
     fn wear_table(&self) -> Table {
         let [pinion, mate] = &self.roll;
+        let [pinion_depth, mate_depth] = &self.depth_um;
         let from_pitch = self.pitch_distances();
         let mut all: Vec<(&str, &[f64])> = vec![
             ("from_pitch_point_mm", &from_pitch),
             ("pinion_roll_angle_rad", pinion),
             ("mate_roll_angle_rad", mate),
-            ("mean_depth_um", &self.depth_um),
+            ("pinion_mean_depth_um", pinion_depth),
+            ("mate_mean_depth_um", mate_depth),
         ];
         let names: Vec<String> = (1..=self.random_um.len())
             .map(|index| format!("pinion_sample_{index}_um"))
@@ -215,18 +218,28 @@ fn page(
             let is_worn = subject.request.wear != WearChoice::None;
             report::contact(pair, is_worn.then_some(&wear))
         },
-        wear: (!curves.depth_um.is_empty()).then(|| WearProfiles {
+        wear: (!curves.depth_um[0].is_empty()).then(|| WearProfiles {
             subject: format!(
-                "Flank of the pinion; the mean wear of the mate is as deep at the same place of the \
-                 path of contact.{}",
+                "Flank of the pinion; {}.{}",
+                mate_wear(&curves.depth_um),
                 match figures.manufacture {
                     Some(_) => " Slope deviations are not drawn.",
                     None => "",
                 }
             ),
             roll_angle_rad: curves.roll[0].clone(),
-            archard_um: curves.depth_um.clone(),
+            archard_um: curves.depth_um[0].clone(),
             random_um: curves.random_um.clone(),
         }),
     }
+}
+
+/// The mean wear of the mate beside the pinion's, in words.
+fn mate_wear([pinion, mate]: &[Vec<f64>; 2]) -> String {
+    if pinion == mate {
+        return "the mean wear of the mate is as deep at the same place of the path of contact"
+            .to_owned();
+    }
+    let deepest = mate.iter().fold(0.0, |most: f64, depth| most.max(*depth));
+    format!("the mean wear of the mate is at most {deepest:.2} µm deep")
 }

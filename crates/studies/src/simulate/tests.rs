@@ -192,6 +192,42 @@ fn every_limit_of_the_file_is_held_against_its_figure() {
     }
 }
 
+/// The pinion's undercut takes 0.44 mm of the path of contact: without it, the contact ratio is 1.268.
+#[test]
+fn an_undercut_flank_is_held_against_the_limits_as_it_is_left() {
+    let text = r"
+[pair]
+teeth = [12, 30]
+normal_module_mm = 3.0
+pressure_angle_deg = 20.0
+helix_angle_deg = 0.0
+face_width_mm = 20.0
+profile_shift = [0.0, 0.0]
+tool_addendum = [1.4, 1.25]
+tool_dedendum = [1.0, 0.64]
+tip_radius_mm = [0.0, 0.0]
+root_radius_mm = [1.14, 1.14]
+[load]
+pinion_torque_nm = 20.0
+[material]
+youngs_modulus_gpa = 206.0
+poisson_ratio = 0.3
+yield_mpa = 850.0
+hertz_limit_mpa = 1500.0
+[constraints]
+contact_ratio_min = 1.25
+specific_sliding_max = 4.0
+";
+    let undercut = simulated(text);
+    assert!(undercut.simulable && !undercut.feasible);
+    let figures = undercut.figures.as_ref().unwrap();
+    assert!((figures.contact_ratio.transverse - 1.218).abs() < 5e-4);
+    assert!((figures.flank_margin_mm[0] + 0.443).abs() < 5e-4);
+    assert!((figures.specific_sliding.max - 3.7957).abs() < 5e-4);
+    // 5.69 on the whole path.
+    assert_eq!(broken(&undercut), ["contact ratio", "pinion flank margin"]);
+}
+
 #[test]
 fn a_tip_pressed_into_the_root_is_named_with_value_unit_and_limit() {
     let pressed =
@@ -290,6 +326,39 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
             assert!(read("wear.csv").contains("pinion_sample_10_um"));
         }
     }
+}
+
+/// The page draws the pinion's flank and names the depth of the mate's, where the two differ.
+#[test]
+fn the_wear_of_both_flanks_is_written() {
+    let law = "[wear]\nlaw = \"local-archard\"\nmax_depth_um = 5.0\nkernel = \"exponential\"\n\
+               range_rad = 0.2\nvariance = 0.01\n";
+    let file = PairFile::parse("p.toml", &format!("{PAIR}{law}")).unwrap();
+    let request = Request {
+        wear: WearChoice::Archard,
+        ..UNWORN
+    };
+    let simulation = run(&file, request).unwrap();
+    let subject = Subject {
+        title: "p",
+        program_version: "1.2.3",
+        file: &file,
+        request,
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let page = write_page(&subject, &simulation, folder.path())
+        .unwrap()
+        .unwrap();
+    let csv = std::fs::read_to_string(folder.path().join("wear.csv")).unwrap();
+    let header = csv.lines().next().unwrap();
+    assert!(header.ends_with("mate_roll_angle_rad,pinion_mean_depth_um,mate_mean_depth_um"));
+    let [pinion, mate] = [3, 4].map(|column| largest(&csv, column));
+    assert!(
+        (pinion - 5.0).abs() < 1e-12 && mate < 4.0,
+        "{pinion} {mate}"
+    );
+    let text = format!("the mean wear of the mate is at most {mate:.2} µm deep");
+    assert!(std::fs::read_to_string(page).unwrap().contains(&text));
 }
 
 /// The largest value of a column of a CSV file.

@@ -188,17 +188,19 @@ fn spur_limit(outcome: &mut Outcome) -> Result<(), EntryError> {
 }
 
 fn base_tangent(outcome: &mut Outcome) -> Result<(), EntryError> {
+    // The shift avoids undercut, which would cut the path off before the base tangent point.
     let input = |dedendum: f64| PairInput {
         teeth: [17, 80],
         helix_angle: 0.0,
-        profile_shift: [0.0; 2],
+        profile_shift: [0.2, -0.2],
         tool_addendum: [1.25, 1.25],
         tool_dedendum: [1.0, dedendum],
         tip_radius: [0.0; 2],
         root_radius: [0.3; 2],
         ..plain()
     };
-    let (mut low, mut high) = (0.4, 2.0);
+    let least = 0.6;
+    let (mut low, mut high) = (least, 2.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         match pair(&input(middle)) {
@@ -215,7 +217,7 @@ fn base_tangent(outcome: &mut Outcome) -> Result<(), EntryError> {
     broken(outcome, &pair(&input(low))?, "specific sliding")?;
     let (mut sliding, mut pressure, mut ste) = (Vec::new(), Vec::new(), Vec::new());
     for i in 0..=40 {
-        let dedendum = low - (low - 0.4) * 10_f64.powf(-f64::from(i) / 4.0);
+        let dedendum = low - (low - least) * 10_f64.powf(-f64::from(i) / 4.0);
         let pair = pair(&input(dedendum))?;
         let distance = pair.geometry().s_in;
         sliding.push([distance, pair.sliding().max]);

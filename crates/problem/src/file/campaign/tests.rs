@@ -173,7 +173,8 @@ fn a_law_of_wear_has_its_own_number() {
     for (wear, why) in [
         (
             "",
-            "wear.max_depth_um is missing, but must be given, unless coefficient_per_mpa is",
+            "wear.max_depth_um is missing, but must be given, unless coefficient_per_mpa or \
+             wear_coefficient_mm2_per_n is",
         ),
         (
             "max_depth_um = 3.5\ncoefficient_per_mpa = 2e-7",
@@ -187,10 +188,106 @@ fn a_law_of_wear_has_its_own_number() {
             "coefficient_per_mpa = nan",
             "wear.coefficient_per_mpa is nan",
         ),
+        (
+            "law = \"local\"\nmax_depth_um = 3.5",
+            "wear.law is \"local\", but must be one of \"archard\", \"signed\", \"local-archard\"",
+        ),
+        (
+            "law = \"signed\"\nmax_depth_um = 3.5",
+            "wear.law is \"signed\", but must be \"archard\" or \"local-archard\" beside max_depth_um",
+        ),
+        (
+            "law = \"local-archard\"\ncoefficient_per_mpa = 2e-7",
+            "wear.law is \"local-archard\", but must be \"signed\" beside coefficient_per_mpa",
+        ),
+        (
+            "law = \"archard\"\nwear_coefficient_mm2_per_n = 1e-9\npinion_cycles = 1e6",
+            "wear.law is \"archard\", but must be \"local-archard\" beside \
+             wear_coefficient_mm2_per_n",
+        ),
+        (
+            "law = \"local-archard\"",
+            "wear.max_depth_um is missing, but must be given with law = \"local-archard\", unless \
+             wear_coefficient_mm2_per_n is",
+        ),
+        (
+            "law = \"signed\"",
+            "wear.coefficient_per_mpa is missing, but must be given with law = \"signed\"",
+        ),
+        (
+            "wear_coefficient_mm2_per_n = 1e-9",
+            "wear.pinion_cycles is missing, but must be given beside wear_coefficient_mm2_per_n",
+        ),
+        (
+            "max_depth_um = 3.5\npinion_cycles = 1e6",
+            "wear.pinion_cycles is 1000000.0, but must be absent without wear_coefficient_mm2_per_n",
+        ),
+        (
+            "max_depth_um = 3.5\nwear_coefficient_mm2_per_n = 1e-9\npinion_cycles = 1e6",
+            "wear.wear_coefficient_mm2_per_n is 1e-9, but must be absent beside max_depth_um",
+        ),
+        (
+            "coefficient_per_mpa = 2e-7\nwear_coefficient_mm2_per_n = 1e-9\npinion_cycles = 1e6",
+            "wear.wear_coefficient_mm2_per_n is 1e-9, but must be absent beside coefficient_per_mpa",
+        ),
+        (
+            "wear_coefficient_mm2_per_n = 1e-2\npinion_cycles = 1e6",
+            "wear.wear_coefficient_mm2_per_n is 0.01, but must be a number from 0 to 0.001 mm²/N",
+        ),
+        (
+            "wear_coefficient_mm2_per_n = 1e-9\npinion_cycles = -1.0",
+            "wear.pinion_cycles is -1.0, but must be a number from 0 to",
+        ),
     ] {
         let error = with(wear).unwrap_err().to_string();
         assert!(error.contains(why), "{wear}: {error}");
+        assert!(error.starts_with("c.toml, line "), "{wear}: {error}");
     }
+    // The names are those of the laws that the numbers choose.
+    let named = with("law = \"archard\"\nmax_depth_um = 3.5").unwrap();
+    assert_eq!(named.digest(), archard.digest());
+    let named = with("law = \"signed\"\ncoefficient_per_mpa = 2e-7").unwrap();
+    assert_eq!(named.digest(), signed.digest());
+}
+
+#[test]
+fn the_local_law_takes_a_depth_or_cycles() {
+    let with = |wear: &str| {
+        let text = Campaign::WEAR
+            .lines()
+            .filter(|line| !line.starts_with("max_depth_um"))
+            .fold(String::new(), |text, line| text + line + "\n");
+        let text = text.replace("[wear]\n", &format!("[wear]\n{wear}\n"));
+        Campaign::parse("c.toml", &text).unwrap()
+    };
+    let archard = with("max_depth_um = 3.5");
+    let deep = with("law = \"local-archard\"\nmax_depth_um = 3.5");
+    let numbers = "wear_coefficient_mm2_per_n = 1e-9\npinion_cycles = 1e6";
+    let worn = with(numbers);
+    let named = with(&format!("law = \"local-archard\"\n{numbers}"));
+    assert_eq!(named.digest(), worn.digest());
+    for (campaign, amount) in [
+        (&deep, gear::LocalAmount::MaxDepth { max_depth_um: 3.5 }),
+        (
+            &worn,
+            gear::LocalAmount::Cycles {
+                coefficient: 1e-9,
+                pinion_cycles: 1e6,
+            },
+        ),
+    ] {
+        let law = gear::WearLaw::LocalArchard { amount };
+        assert_eq!(campaign.gears().unwrap().wear.law, law);
+        assert_eq!(&Campaign::from_json(&campaign.to_json()).unwrap(), campaign);
+        assert!(!campaign.extends(&archard) && !archard.extends(campaign));
+    }
+    let warned = with("law = \"local-archard\"\nmax_depth_um = 3500.0");
+    assert!(
+        warned
+            .warnings()
+            .iter()
+            .any(|w| w.starts_with("wear.max_depth_um is 3500 µm"))
+    );
 }
 
 #[test]
