@@ -1,6 +1,6 @@
 //! One gear pair: geometry, compliance and the unworn analysis.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::analysis::{Analysis, UM, pressures};
 use crate::corrections::Corrections;
@@ -36,6 +36,16 @@ pub struct Pair {
     unworn: Analysis,
     /// Greatest unworn Hertz pressure at the nodes, MPa.
     pressure: Vec<f64>,
+    /// The first mesh of worn flanks, which an analysis and the samples of the same wear share.
+    worn: OnceLock<WornMesh>,
+}
+
+/// The coupled mesh of worn flanks.
+#[derive(Debug, Clone)]
+struct WornMesh {
+    gap: Vec<f64>,
+    may_tilt: bool,
+    mesh: Arc<Mesh>,
 }
 
 impl Pair {
@@ -182,6 +192,7 @@ impl Pair {
             relief,
             unworn,
             pressure,
+            worn: OnceLock::new(),
         })
     }
 
@@ -192,6 +203,14 @@ impl Pair {
         if self.input.tooth_model != ToothModel::Coupled {
             return Ok(Arc::clone(&self.mesh));
         }
+        // The cells of helical teeth always have a gap each.
+        let may_tilt = may_tilt && self.geometry.beta_b == 0.0;
+        if let Some(worn) = self.worn.get()
+            && worn.gap == gap
+            && worn.may_tilt == may_tilt
+        {
+            return Ok(Arc::clone(&worn.mesh));
+        }
         let elastic = Elasticity {
             input: &self.input,
             geometry: &self.geometry,
@@ -201,8 +220,15 @@ impl Pair {
             self.mesh.frame.path.clone(),
             self.corrections.lead(&self.geometry),
         );
-        UnwornContact::solve(&elastic, path, self.base_force, gap, lead, may_tilt)
-            .map(|contact| Arc::new(contact.mesh))
+        let contact = UnwornContact::solve(&elastic, path, self.base_force, gap, lead, may_tilt)?;
+        let mesh = Arc::new(contact.mesh);
+        // A mesh that is kept already stays.
+        let _ = self.worn.set(WornMesh {
+            gap: gap.to_vec(),
+            may_tilt,
+            mesh: Arc::clone(&mesh),
+        });
+        Ok(mesh)
     }
 
     /// The input from which the pair was computed.

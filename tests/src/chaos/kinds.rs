@@ -90,9 +90,14 @@ impl Kind {
         let is_even = seed.is_multiple_of(2);
         match self {
             Self::Plain => {
-                let text = model(law(small_campaign(40, 6000), is_even), is_even);
-                let section = "\n[manufacture]\nflank_class = 7\n";
-                vec![if is_even { text } else { text + section }]
+                if is_even {
+                    return vec![model(law(small_campaign(40, 6000), true), true)];
+                }
+                // Coupled cells take ten times as long for a sample.
+                let text = model(law(small_campaign(40, 1000), false), false);
+                let model = "tooth_model = \"whole-face-beam\"";
+                let section = "\n[manufacture]\nflank_class = 7\nmisalignment_um = 10.0\n";
+                vec![change(&text, model, "tooth_model = \"coupled\"") + section]
             }
             Self::Precise => {
                 let precision = "precision = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\

@@ -2,6 +2,7 @@
 
 mod designs;
 mod enrichment;
+mod gear_coupled;
 mod gear_edges;
 mod gear_loads;
 mod gear_refusals;
@@ -24,7 +25,7 @@ use crate::stability::Entry;
 /// Returns all entries in the order of the page.
 #[must_use]
 pub fn entries() -> Vec<Entry> {
-    let groups: [&[Entry]; 14] = [
+    let groups: [&[Entry]; 15] = [
         &kriging_covariance::ENTRIES,
         &kriging_response::ENTRIES,
         &kriging_data::ENTRIES,
@@ -36,6 +37,7 @@ pub fn entries() -> Vec<Entry> {
         &enrichment::ENTRIES,
         &gear_edges::ENTRIES,
         &gear_loads::ENTRIES,
+        &gear_coupled::ENTRIES,
         &gear_refusals::ENTRIES,
         &leases::ENTRIES,
         &lease_failures::ENTRIES,
