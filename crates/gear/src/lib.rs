@@ -10,7 +10,10 @@
 //! comparison.
 //!
 //! # Method
-//! The loaded contact is one of thin slices that do not feel each other (or, with
+//! With `coupled`, the model to design with, contact lines are divided into cells that feel each other;
+//! `coupled` describes it, and [`model_error`] says how far each model is from finite elements.
+//!
+//! The loaded contact of the other models is one of thin slices that do not feel each other (or, with
 //! `whole-face-beam`, of whole teeth: see `whole_face`). A slice at s on the path of
 //! contact carries w = max(0, δ − g(s))/q(s) per mm of contact line, q the compliance of the pair
 //! and g the material missing from both flanks along the normal, and the deflection δ balances the
@@ -89,18 +92,19 @@
 //! machine.
 //!
 //! # What is left out, and when that matters
-//! - **Finite elements**: teeth are beams on an elastic half-plane (`weber-banaschek`) or beams
-//!   alone (`hertz-beam`). Thin rims, webs and shafts need more.
-//! - **Coupling of slices** along the face: matters for wide faces with strongly uneven load, and
-//!   at the ends of the face, where a real tooth is softer.
+//! - **Thin rims, webs and shafts** need finite elements: bodies are solid.
+//! - **Coupling of slices** with all models but `coupled`: without it ΔSTE is 28 % from finite elements
+//!   in the median, and nearly zero at an integer overlap ratio, where it is not. Teeth are beams on an elastic
+//!   half-plane (`weber-banaschek`) or beams alone (`hertz-beam`).
 //! - **Load history in the compliance**: with `weber-banaschek` the contact's approach is that of the
 //!   greatest load that the unworn pair carries at s. Wear moves load, but the approach changes only
 //!   by the logarithm of it: a load three times as great makes the pair 5 % stiffer.
-//! - **Dynamics, friction, misalignment, pitch errors**: the transmission error is static, for
-//!   parallel axes. Near a resonance the dynamic one differs. Of manufacture only the profile slope is
-//!   known, the same on all teeth of a gear ([`FlankClass`]).
-//! - **Contact outside the line of action** of tips that engage early under load: `hertz-beam` is
-//!   stiff enough not to show it; with soft teeth it lengthens the path of contact.
+//! - **Dynamics, friction, pitch errors**: the transmission error is static. Near a resonance the dynamic
+//!   one differs. Of manufacture only the slopes of profiles and helices are known, the same on all teeth of
+//!   a gear, and the misalignment of the shafts ([`Scatter`]).
+//! - **Contact outside the line of action** of tips that engage early under load, with all models but
+//!   `coupled`: `hertz-beam` is stiff enough not to show it; with soft teeth it lengthens the path of
+//!   contact.
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
