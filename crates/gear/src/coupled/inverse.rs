@@ -18,16 +18,16 @@ pub(super) fn invert(matrix: &mut [f64], n: usize, column: &mut Vec<f64>) -> boo
         column.clear();
         column.extend_from_slice(&matrix[k * n..k * n + k]);
         column.extend((k..n).map(|i| matrix[i * n + k]));
-        for i in 0..n {
-            let factor = -column[i] / pivot;
+        for (i, c) in column.iter().enumerate() {
+            let factor = -c / pivot;
             let row = &mut matrix[i * n..i * n + i + 1];
             for (value, c) in row.iter_mut().zip(&*column) {
                 *value += factor * c;
             }
         }
-        for i in 0..n {
+        for (i, c) in column.iter().enumerate() {
             let at = if i < k { k * n + i } else { i * n + k };
-            matrix[at] = column[i] / pivot;
+            matrix[at] = c / pivot;
         }
         matrix[k * n + k] = -1.0 / pivot;
     }
