@@ -24,7 +24,8 @@
 //!   contact to the other, f_Hβ from one end of the face to the other. A flank that is usable beyond its
 //!   active part deviates less on that part.
 //! - Tolerances are not rounded as the standard's printed values are.
-//! - The tooth model `whole-face-beam` has one gap for the whole face: it knows profile slopes only.
+//! - Only the samples of coupled cells have helix slopes and misalignment. Slices would lose their prefix
+//!   sums, which makes a sample twenty times as slow, and whole teeth have one gap for the whole face.
 //!
 //! Left out: pitch deviations, profile and helix form, and differences between the teeth of a gear.
 
@@ -164,9 +165,8 @@ pub(crate) struct Deviation {
 }
 
 impl Deviations {
-    /// The deviations of a pair at the places `s`. `knows_face`: the tooth model knows where on the face
-    /// teeth touch.
-    pub(crate) fn new(scatter: Scatter, geometry: &Geometry, s: &[f64], knows_face: bool) -> Self {
+    /// The deviations of a pair at the places `s`; with `may_tilt` those along the face, too.
+    pub(crate) fn new(scatter: Scatter, geometry: &Geometry, s: &[f64], may_tilt: bool) -> Self {
         let (middle, length) = (
             0.5 * (geometry.s_in + geometry.s_out),
             geometry.s_out - geometry.s_in,
@@ -175,7 +175,7 @@ impl Deviations {
         let of = |tolerances: [f64; 2]| tolerances.map(|tolerance| tolerance / TOLERANCE_IN_SD);
         let class = scatter.flank_class;
         let mut tilts = Vec::new();
-        if knows_face {
+        if may_tilt {
             if let Some(class) = class {
                 let [pinion, gear] = of(class.helix_slope_tolerances(geometry));
                 // A helix angle that is too large opens the trailing end of a pinion's flank and closes

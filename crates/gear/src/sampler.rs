@@ -100,8 +100,8 @@ impl Sampler {
             );
             Field::new(wear, interval, &roll[member.index()])
         });
-        let knows_face = pair.input().tooth_model != ToothModel::WholeFaceBeam;
-        let deviations = Deviations::new(scatter, geometry, pair.path(), knows_face);
+        let tilts = pair.input().tooth_model == ToothModel::Coupled;
+        let deviations = Deviations::new(scatter, geometry, pair.path(), tilts);
         let (mean_gap, _) = pair.worn_gap(wear, &pair.depth(wear));
         Self {
             mesh: pair.mesh_of(&mean_gap, deviations.tilts()).ok(),

@@ -18,8 +18,8 @@ use crate::file::{
 };
 use crate::formulation::Problem;
 
-/// The simulator's table of `tradeoff`, measured in full with the paper's campaign; coupled cells with that of
-/// `init`, and against 96 phases.
+/// The simulator's table of `tradeoff`, measured in full with the paper's campaign; coupled cells with the
+/// gears of `campaigns/pair.toml`, and against 96 phases.
 pub const SIMULATOR_TABLE: &str = include_str!("../data/simulator.csv");
 /// The percentile's table of `tradeoff`, measured in full with the paper's campaign.
 pub const PERCENTILE_TABLE: &str = include_str!("../data/percentile.csv");

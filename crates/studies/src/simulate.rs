@@ -113,7 +113,7 @@ struct Scatter {
     /// f_HαT of each gear.
     #[serde(skip_serializing_if = "Option::is_none")]
     slope_tolerance_um: Option<[f64; 2]>,
-    /// f_HβT of each gear; absent with a tooth model that has one gap for the whole face.
+    /// f_HβT of each gear; only coupled cells have helix slopes in their samples.
     #[serde(skip_serializing_if = "Option::is_none")]
     helix_slope_tolerance_um: Option<[f64; 2]>,
     /// Tolerance of the misalignment of the shafts.
@@ -125,15 +125,15 @@ impl Scatter {
     fn of(file: &PairFile, geometry: &Geometry) -> Option<Self> {
         let scatter = file.scatter();
         let class = scatter.flank_class;
-        let knows_face = file.pair.tooth_model != gear::ToothModel::WholeFaceBeam;
+        let may_tilt = file.pair.tooth_model == gear::ToothModel::Coupled;
         let um = |tolerances: [f64; 2]| tolerances.map(|mm| 1e3 * mm);
         file.manufacture.map(|_| Self {
             flank_class: class.map(gear::FlankClass::number),
             slope_tolerance_um: class.map(|class| um(class.slope_tolerances(geometry))),
             helix_slope_tolerance_um: class
-                .filter(|_| knows_face)
+                .filter(|_| may_tilt)
                 .map(|class| um(class.helix_slope_tolerances(geometry))),
-            misalignment_um: Some(1e3 * scatter.misalignment).filter(|um| knows_face && *um > 0.0),
+            misalignment_um: Some(1e3 * scatter.misalignment).filter(|um| may_tilt && *um > 0.0),
         })
     }
 }

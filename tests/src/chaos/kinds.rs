@@ -95,7 +95,7 @@ impl Kind {
                 }
                 // Coupled cells take ten times as long for a sample.
                 let text = model(law(small_campaign(40, 1000), false), false);
-                let model = "tooth_model = \"whole-face-beam\"";
+                let model = "tooth_model = \"hertz-beam\"";
                 let section = "\n[manufacture]\nflank_class = 7\nmisalignment_um = 10.0\n";
                 vec![change(&text, model, "tooth_model = \"coupled\"") + section]
             }

@@ -122,7 +122,7 @@ impl GearSections {
         self.material.validate(source)?;
         wear::validate(&self.wear, source)?;
         if let Some(manufacture) = &self.manufacture {
-            manufacture.validate(source)?;
+            manufacture.validate(source, self.pair.tooth_model)?;
         }
         for radius in self.pair.hub_radius_mm.into_iter().flatten() {
             source.length("pair.hub_radius_mm", radius)?;

@@ -129,7 +129,7 @@ impl PairFile {
             constraints.validate(source)?;
         }
         if let Some(manufacture) = &self.manufacture {
-            manufacture.validate(source)?;
+            manufacture.validate(source, pair.tooth_model)?;
         }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;

@@ -23,7 +23,7 @@ pub struct Manufacture {
     /// Flank tolerance class of both gears by ISO 1328-1, from 1, the finest, to 11.
     pub flank_class: Option<gear::FlankClass>,
     /// Tolerance ± of the misalignment of the shafts over the face width, µm in the plane of action; three
-    /// standard deviations.
+    /// standard deviations. It takes the tooth model `coupled`.
     pub misalignment_um: Option<f64>,
 }
 
@@ -39,8 +39,8 @@ impl Manufacture {
     pub fn describe(&self) -> String {
         let class = self.flank_class.map(|class| {
             format!(
-                "flank class {} of ISO 1328-1: profile and helix slopes deviate at random, alike on all \
-                 teeth of a gear",
+                "flank class {} of ISO 1328-1: profile slopes, and with the tooth model coupled helix \
+                 slopes, deviate at random, alike on all teeth of a gear",
                 class.number()
             )
         });
@@ -63,7 +63,11 @@ impl Manufacture {
         }
     }
 
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+    pub(super) fn validate(
+        &self,
+        source: Source<'_>,
+        model: gear::ToothModel,
+    ) -> Result<(), FileError> {
         if self.flank_class.is_none() && self.misalignment_um.is_none() {
             return Err(source.error(Invalid::in_words(
                 "manufacture",
@@ -72,7 +76,14 @@ impl Manufacture {
             )));
         }
         self.misalignment_um.map_or(Ok(()), |um| {
-            source.within("manufacture.misalignment_um", um, 0.0, 1000.0, "µm")
+            let key = "manufacture.misalignment_um";
+            source.require(
+                model == gear::ToothModel::Coupled,
+                key,
+                um,
+                "absent unless pair.tooth_model is \"coupled\"",
+            )?;
+            source.within(key, um, 0.0, 1000.0, "µm")
         })
     }
 }
