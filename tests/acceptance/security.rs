@@ -269,9 +269,10 @@ fn the_live_page_is_no_port_for_workers() {
 fn no_core_dump_holds_a_secret() {
     let sandbox = Sandbox::new();
     let file = sandbox.write("c.toml", &small_campaign(10_000, 4000));
+    // A shell in the background ignores SIGQUIT for its children, but not SIGABRT.
     let unlimited = "ulimit -c unlimited; exec \"$@\"";
     let other = Command::new("/bin/sh")
-        .args(["-c", unlimited, "sh", "/bin/sh", "-c", "kill -QUIT $$"])
+        .args(["-c", unlimited, "sh", "/bin/sh", "-c", "kill -ABRT $$"])
         .current_dir(sandbox.path(""))
         .status()
         .unwrap();
@@ -292,7 +293,7 @@ fn no_core_dump_holds_a_secret() {
     let mut worker = start("worker", &["--access", FILE, "--slots", "1"]);
     worker.wait_for_line("registered");
     for program in [worker, coordinator] {
-        program.signal("QUIT");
+        program.signal("ABRT");
         let (status, log) = program.finish();
         assert!(status.signal().is_some(), "{status}: {log}");
         assert!(!status.core_dumped(), "{log}");
