@@ -3,8 +3,9 @@
 use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
 
-const STUDIES: [&str; 6] = [
+const STUDIES: [&str; 7] = [
     "simulator",
+    "contact",
     "percentile",
     "estimators",
     "kriging",
@@ -78,11 +79,11 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     let output = sandbox.coordinator(&arguments);
     assert_code(&output, 0);
     let lines = printed(&output);
-    assert_eq!(lines.matches(": measured before, ").count(), 5, "{lines}");
+    assert_eq!(lines.matches(": measured before, ").count(), 6, "{lines}");
     assert!(lines.contains("kriging: measured, "), "{lines}");
     let after = STUDIES.map(read);
     assert!(
-        [0, 1, 2, 4, 5]
+        [0, 1, 2, 3, 5, 6]
             .iter()
             .all(|&study| before[study] == after[study])
     );
