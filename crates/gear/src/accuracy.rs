@@ -14,7 +14,7 @@ pub const fn model_error(model: ToothModel) -> &'static str {
             "ΔSTE 28 % from finite elements in the median, 199 % at the 95th percentile"
         }
         ToothModel::HertzBeam | ToothModel::WholeFaceBeam | ToothModel::PrismaticBeam => {
-            "several times stiffer than finite elements: for comparison with the 2009 paper"
+            "several times stiffer than finite elements"
         }
     }
 }

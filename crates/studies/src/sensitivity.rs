@@ -527,7 +527,7 @@ mod tests {
             assert_eq!(of_one.inputs[9], name);
             of_one.sensitivity.total[9].value * of_one.sensitivity.variance
         };
-        let with = total(&problem, "wear field and profile slopes");
+        let with = total(&problem, "wear field and manufacture");
         assert!(with > 1.2 * total(&perfect, "wear field"), "{with}");
     }
 }

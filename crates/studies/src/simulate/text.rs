@@ -139,10 +139,11 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
                 format!("within ±{um} µm over the face"),
             );
         }
-        line(
-            "not in the random ΔSTE",
-            "pitch and form deviations, dynamics".to_owned(),
-        );
+        let left_out = match scatter.helix_slope_tolerance_um {
+            Some(_) => "pitch and form deviations, dynamics",
+            None => "pitch, form and helix deviations, dynamics",
+        };
+        line("not in the random ΔSTE", left_out.to_owned());
     }
     if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
         let interval = figures.p90_interval_um.map_or_else(

@@ -232,11 +232,7 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
             "flank_class = 6.5",
             "line 25: manufacture.flank_class: invalid type",
         ),
-        (
-            "flank_class = 6",
-            "",
-            "line 24: missing field `flank_class`",
-        ),
+        ("flank_class = 6", "", "line 24: manufacture is empty"),
         ("\"parabolic\"", "\"round\"", "\"linear\" or \"parabolic\""),
         (
             "face_width_mm = 10.0",
