@@ -20,7 +20,7 @@ fn designs(model: ToothModel) -> Vec<Pair> {
                 tooth_model: model,
                 ..design(FIGURE_7)
             },
-            &Discretisation::default(),
+            &Discretisation::of(model),
         )
         .expect("the paper's Figure 7 is feasible"),
     ];
@@ -30,7 +30,7 @@ fn designs(model: ToothModel) -> Vec<Pair> {
                 tooth_model: model,
                 ..design(BOX.map(|[low, high]| rng.random_range(low..high)))
             },
-            &Discretisation::default(),
+            &Discretisation::of(model),
         ));
     }
     pairs
@@ -42,7 +42,7 @@ fn new_design(bencher: Bencher, model: &ToothModel) {
     let mut next = pairs.iter().cycle();
     bencher.bench_local(|| {
         let pair = next.next().expect("a cycle has no end");
-        let pair = Pair::new(pair.input(), &Discretisation::default());
+        let pair = Pair::new(pair.input(), &Discretisation::of(*model));
         pair.map(|pair| {
             black_box((pair.sliding(), pair.interference(), pair.root_stress()));
             (pair.unworn(), pair.archard(&WEAR))

@@ -14,7 +14,7 @@ pub(crate) const MAX_STEPS: usize = 100;
 pub(crate) struct Frame {
     pub(crate) path: Path,
     /// 1/q at the nodes, N/mm per mm, with q the compliance per length of contact line; for whole
-    /// teeth that of the beams alone.
+    /// teeth that of the beams alone. Coupled cells have none, and no `target`.
     pub(crate) stiffness: Vec<f64>,
     /// Sum of the loads: F_bt w/b for slices, whose loads are integrated over the path, and F_bt/b
     /// for whole teeth.

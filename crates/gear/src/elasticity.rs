@@ -7,10 +7,10 @@
 use std::f64::consts::PI;
 
 use crate::coupled::body::Body;
-use crate::geometry::Geometry;
-use crate::input::{Member, PairInput, ToothModel};
+use crate::input::{Member, ToothModel};
 use crate::path::Place;
-use crate::tooth::{Station, Tooth};
+use crate::tooth::Station;
+use crate::unloaded::UnloadedPair;
 
 /// Least value of Weber's bracket ln(4 t1 t2/a_H²) − ν/(1 − ν). Near a pointed tip or under an
 /// absurd load the contact width exceeds the tooth and the bracket would turn negative.
@@ -18,14 +18,20 @@ const WEBER_FLOOR: f64 = 1.0;
 /// Greatest value of Weber's bracket, which grows without bound as the load vanishes.
 const WEBER_CEILING: f64 = 100.0;
 
+/// Where flanks touch, as far as their approach depends on it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Touching {
+    s: f64,
+    /// Product of the half thicknesses along the load line, mm².
+    thickness: f64,
+}
+
 /// The parts of the compliance at a place.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct NodeCompliance {
-    s: f64,
+    pub(crate) touching: Touching,
     /// Both teeth with their foundations, mm per N/mm.
     pub(crate) teeth: f64,
-    /// Product of the half thicknesses along the load line, mm².
-    thickness: f64,
     /// The place on both teeth; used by coupled cells only.
     pub(crate) stations: [Station; 2],
 }
@@ -36,77 +42,63 @@ impl NodeCompliance {
         let (a, b) = (&nodes[place.cell], &nodes[place.cell + 1]);
         let mix = |a: f64, b: f64| a + place.u * (b - a);
         Self {
-            s: place.s,
+            touching: Touching {
+                s: place.s,
+                thickness: mix(a.touching.thickness, b.touching.thickness),
+            },
             teeth: mix(a.teeth, b.teeth),
-            thickness: mix(a.thickness, b.thickness),
-            stations: [0, 1].map(|i| {
-                let (a, b) = (&a.stations[i], &b.stations[i]);
-                Station {
-                    cos_alpha_f: mix(a.cos_alpha_f, b.cos_alpha_f),
-                    tan_alpha_f: mix(a.tan_alpha_f, b.tan_alpha_f),
-                    y: mix(a.y, b.y),
-                    u: mix(a.u, b.u),
-                    m1: mix(a.m1, b.m1),
-                    m2: mix(a.m2, b.m2),
-                    n0: mix(a.n0, b.n0),
-                }
-            }),
+            stations: [0, 1].map(|i| a.stations[i].zip(&b.stations[i], |&a, &b| mix(a, b))),
         }
     }
 }
 
-/// The parts of a pair that its compliance follows from.
-pub(crate) struct Elasticity<'a> {
-    pub(crate) input: &'a PairInput,
-    pub(crate) geometry: &'a Geometry,
-    pub(crate) teeth: &'a [Tooth; 2],
-}
-
-impl Elasticity<'_> {
-    /// What the bodies under the teeth add, where the model knows of it.
-    pub(crate) fn bodies(&self) -> Option<[Body; 2]> {
-        let of = |member| Body::new(self.input, self.geometry, member);
-        (self.input.tooth_model == ToothModel::Coupled).then(|| Member::BOTH.map(of))
+impl UnloadedPair {
+    /// What the bodies under the teeth add to the model `coupled`.
+    pub(crate) fn bodies(&self) -> [Body; 2] {
+        Member::BOTH.map(|member| Body::new(self.input(), self.geometry(), member))
     }
 
     /// The compliance at the place `s` under a load that is even along the face, without that of the
     /// contact.
     pub(crate) fn node(&self, s: f64) -> NodeCompliance {
-        let bodies = self.bodies();
+        let (input, geometry) = (self.input(), self.geometry());
+        let bodies = (input.tooth_model == ToothModel::Coupled).then(|| self.bodies());
         let [pinion, gear] = Member::BOTH.map(|member| {
             let i = member.index();
-            let r = self.geometry.r_b[i].hypot(self.geometry.tangent_length(member, s));
+            let r = geometry.r_b[i].hypot(geometry.tangent_length(member, s));
             let (tooth, load) = (&self.teeth[i], self.teeth[i].load_at_radius(r));
             let mut compliance = tooth.compliance(&load);
             let mut station = Station::default();
             if let Some(bodies) = &bodies {
                 station = tooth.station(&load);
                 let own = bodies[i].own(station.u, station.u);
-                compliance += own / self.input.material.youngs_modulus_mpa;
+                compliance += own / input.material.youngs_modulus_mpa;
             }
             (compliance, load.half_thickness, station)
         });
         NodeCompliance {
-            s,
+            touching: Touching {
+                s,
+                thickness: pinion.1 * gear.1,
+            },
             teeth: pinion.0 + gear.0,
-            thickness: pinion.1 * gear.1,
             stations: [pinion.2, gear.2],
         }
     }
 
     /// Compliance of the contact under the line load `w`, N/mm; mm per N/mm.
-    pub(crate) fn contact(&self, node: &NodeCompliance, w: f64) -> f64 {
-        let material = &self.input.material;
+    pub(crate) fn contact(&self, at: &Touching, w: f64) -> f64 {
+        let material = &self.input().material;
         let nu = material.poisson_ratio;
         let unit = 2.0 * (1.0 - nu * nu) / (PI * material.youngs_modulus_mpa);
-        match self.input.tooth_model {
+        match self.input().tooth_model {
             ToothModel::HertzBeam | ToothModel::WholeFaceBeam | ToothModel::PrismaticBeam => {
                 2.0 * unit
             }
             ToothModel::WeberBanaschek | ToothModel::Coupled => {
-                let half_width_squared = 4.0 * unit * w * self.geometry.relative_radius(node.s);
+                let half_width_squared = 4.0 * unit * w * self.geometry().relative_radius(at.s);
                 let bracket = if half_width_squared > 0.0 {
-                    (4.0 * node.thickness / half_width_squared).ln() - nu / (1.0 - nu)
+                    (4.0 * at.thickness / half_width_squared).ln() - nu / (1.0 - nu)
                 } else {
                     f64::INFINITY
                 };

@@ -138,7 +138,9 @@ mod sampler;
 mod slices;
 mod tooth;
 mod trochoid;
+mod unloaded;
 mod unworn;
+mod vectors;
 mod wear;
 mod whole_face;
 
@@ -169,4 +171,5 @@ pub use pair::Pair;
 pub use plain::PlainSum;
 pub use root_stress::RootStress;
 pub use sampler::{Sampler, WearProfile, draw_coefficients};
+pub use unloaded::UnloadedPair;
 pub use wear::WornPair;

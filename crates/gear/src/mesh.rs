@@ -5,10 +5,12 @@
 
 use crate::balance::{Extremes, Frame};
 use crate::corrections::Lead;
-use crate::coupled::{self, Coupled};
+use crate::coupled::{self, Coupled, NotPositive};
 use crate::crowned::{CrownedBalance, Piece};
+use crate::elasticity::NodeCompliance;
 use crate::path::{Path, PeriodicFunction, Window};
 use crate::slices::{self, SliceBalance, Slices};
+use crate::unloaded::UnloadedPair;
 use crate::whole_face::{self, WholeFace, WholeFaceBalance};
 
 /// The contact of one pair.
@@ -70,16 +72,41 @@ impl Mesh {
         }
     }
 
-    /// The mesh of coupled cells. `stiffness` is 1/q at the nodes under an even load.
-    pub(crate) fn coupled(path: Path, stiffness: Vec<f64>, target: f64, cells: Coupled) -> Self {
-        Self {
-            contact: Contact::Coupled(cells),
+    /// The mesh of coupled cells for the gap `gap` at the nodes, mm. `has_lead_gap`: gaps may vary along the
+    /// face.
+    pub(crate) fn coupled(
+        pair: &UnloadedPair,
+        path: Path,
+        gap: &[f64],
+        has_lead_gap: bool,
+    ) -> Result<Self, NotPositive> {
+        let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| pair.node(s)).collect();
+        let coupled = Coupled::new(pair, &path, &nodes, gap, has_lead_gap)?;
+        Ok(Self {
+            contact: Contact::Coupled(coupled),
             frame: Frame {
                 path,
-                stiffness,
-                target,
+                stiffness: Vec::new(),
+                target: f64::NAN,
             },
-        }
+        })
+    }
+
+    /// The mesh with the stiffness that belongs to the gap `gap` at the nodes, mm. Only coupled cells have
+    /// another one.
+    pub(crate) fn with_gap(&self, pair: &UnloadedPair, gap: &[f64]) -> Result<Self, NotPositive> {
+        let Contact::Coupled(coupled) = &self.contact else {
+            return Ok(self.clone());
+        };
+        Ok(Self {
+            frame: self.frame.clone(),
+            contact: Contact::Coupled(coupled.with_gap(pair, gap)?),
+        })
+    }
+
+    /// Whether the mesh is one of coupled cells.
+    pub(crate) const fn is_coupled(&self) -> bool {
+        matches!(self.contact, Contact::Coupled(_))
     }
 
     /// Solves δ for the gap `g` at the nodes, at every phase, and refines its extremes; see

@@ -17,8 +17,8 @@ use std::f64::consts::PI;
 use crate::geometry::Geometry;
 use crate::input::Member;
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
-use crate::pair::Pair;
 use crate::root_stress::stress_correction;
+use crate::unloaded::UnloadedPair;
 
 /// Young's modulus of the steel for which ISO 6336-1's stiffness holds, MPa.
 const STEEL: f64 = 206e3;
@@ -94,7 +94,7 @@ pub struct Rating {
 
 /// Rates a pair. `blank_factor` is C_R of ISO 6336-1, 1 for a solid blank.
 #[must_use]
-pub fn rate(pair: &Pair, blank_factor: f64) -> Rating {
+pub fn rate(pair: &UnloadedPair, blank_factor: f64) -> Rating {
     let (geometry, input) = (pair.geometry(), pair.input());
     let g = geometry;
     let material = &input.material;
@@ -147,7 +147,7 @@ fn single_pair_factors(g: &Geometry) -> [f64; 2] {
     })
 }
 
-fn root(pair: &Pair, member: Member, line_load: f64) -> RootRating {
+fn root(pair: &UnloadedPair, member: Member, line_load: f64) -> RootRating {
     let g = pair.geometry();
     let i = member.index();
     let tooth = &pair.teeth[i];
@@ -176,7 +176,7 @@ fn root(pair: &Pair, member: Member, line_load: f64) -> RootRating {
     }
 }
 
-fn stiffness(pair: &Pair, blank_factor: f64, line_load: f64) -> MeshStiffness {
+fn stiffness(pair: &UnloadedPair, blank_factor: f64, line_load: f64) -> MeshStiffness {
     let (g, input) = (pair.geometry(), pair.input());
     let cos_bb = g.beta_b.cos();
     let [z1, z2] = g

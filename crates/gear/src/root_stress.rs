@@ -1,6 +1,6 @@
 //! Bending stress at the roots, by the nominal stress and notch factor of ISO 6336-3.
 
-use crate::pair::Pair;
+use crate::unloaded::UnloadedPair;
 
 /// Highest bending stress at the root of one gear, for the whole load on one tooth's tip.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +23,7 @@ pub struct RootStress {
     pub fillet_radius: f64,
 }
 
-impl Pair {
+impl UnloadedPair {
     /// Root stress of the pinion and of the gear; the criterion σ_vm is the greater one.
     ///
     /// The whole transverse base force acts on one tooth, spread over the face width, at the tip.

@@ -12,12 +12,12 @@
 //! Wear does not change the compliance: it moves load, which enters by its logarithm only.
 
 use crate::balance::Extremes;
-use crate::corrections::Lead;
-use crate::coupled::{Coupled, Design, NotPositive};
-use crate::elasticity::{Elasticity, NodeCompliance};
+use crate::coupled::NotPositive;
+use crate::elasticity::NodeCompliance;
 use crate::input::ToothModel;
 use crate::mesh::{Mesh, Scratch};
 use crate::path::Path;
+use crate::unloaded::UnloadedPair;
 
 /// Load rounds of the `weber-banaschek` model stop at this relative change of the load. The
 /// compliance changes twenty times less than the load.
@@ -42,42 +42,19 @@ pub(crate) struct UnwornContact {
 }
 
 impl UnwornContact {
-    /// Solves the contact on `path` for the gap `relief` at its nodes, mm, and that along the face.
-    /// `base_force` is F_bt, N. `may_tilt`: samples will have gaps that vary along the face.
+    /// Solves the contact on `path` for the gap `relief` at its nodes, mm.
     ///
     /// # Errors
     /// [`NotPositive`], with coupled cells only.
     pub(crate) fn solve(
-        elastic: &Elasticity<'_>,
+        pair: &UnloadedPair,
         path: Path,
-        base_force: f64,
         relief: &[f64],
-        lead: Lead,
-        may_tilt: bool,
     ) -> Result<Self, NotPositive> {
-        let (geometry, tooth_model) = (elastic.geometry, elastic.input.tooth_model);
-        let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| elastic.node(s)).collect();
-        // First guess of the line load: the force spread over the mean length of contact.
-        let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
-        let least_load = LEAST_LOAD * mean_load;
-        let mut load = vec![mean_load; path.s.len()];
-        if let Some(bodies) = elastic.bodies() {
-            let target = base_force / geometry.face_width;
-            let even = nodes
-                .iter()
-                .map(|node| 1.0 / (node.teeth + elastic.contact(node, mean_load)));
-            let stiffness = even.collect();
-            let design = Design {
-                elastic,
-                bodies,
-                path: &path,
-                nodes: &nodes,
-                base_force,
-                gap: relief,
-                lead,
-            };
-            let cells = Coupled::new(&design, may_tilt || !lead.is_even())?;
-            let mesh = Mesh::coupled(path, stiffness, target, cells);
+        let (geometry, tooth_model) = (pair.geometry(), pair.input().tooth_model);
+        let (base_force, lead) = (pair.base_force(), pair.corrections().lead(geometry));
+        if tooth_model == ToothModel::Coupled {
+            let mesh = Mesh::coupled(pair, path, relief, !lead.is_even())?;
             let mut scratch = Scratch::default();
             let extremes = mesh.solve(relief, &mut scratch);
             let load = mesh.greatest_load(relief, &scratch, extremes.max, false);
@@ -88,8 +65,13 @@ impl UnwornContact {
                 scratch,
             });
         }
+        let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| pair.node(s)).collect();
+        // First guess of the line load: the force spread over the mean length of contact.
+        let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
+        let least_load = LEAST_LOAD * mean_load;
+        let mut load = vec![mean_load; path.s.len()];
         let make = |path: Path, load: &[f64]| {
-            let contact = |node, &w: &f64| elastic.contact(node, w);
+            let contact = |node: &NodeCompliance, &w: &f64| pair.contact(&node.touching, w);
             if tooth_model == ToothModel::WholeFaceBeam {
                 let beams = nodes.iter().map(|node| 1.0 / node.teeth).collect();
                 // A constant: it depends neither on the place nor on the load.

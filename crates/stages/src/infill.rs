@@ -94,8 +94,8 @@ fn geometric_violation(problem: &Problem, criteria: &GearCriteria) -> f64 {
 
 /// The constraint violation and the baseline of a design by the built-in simulator, and the number
 /// of analyses they took; `None` if the design cannot be simulated. The baseline is ΔSTE with
-/// Archard's wear, around which the random wear scatters. It is not computed for a design whose
-/// geometry breaks a constraint.
+/// Archard's wear, around which the random wear scatters. The contact of a design whose geometry breaks a
+/// constraint is not solved.
 #[must_use]
 pub fn known(problem: &Problem, design: &Design) -> Option<(ExactCriteria, u64)> {
     let Some(gears) = problem.gears() else {
@@ -106,13 +106,13 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(ExactCriteria, u64)>
         };
         return Some((known, 0));
     };
-    let pair = gears.pair(design).ok()?;
+    let pair = gears.unloaded(design).ok()?;
     let unloaded = gears.pair_criteria(&pair, 0.0);
     let geometry = geometric_violation(problem, &unloaded);
     if geometry > 0.0 {
         return Some((ExactCriteria::from(geometry), 0));
     }
-    let worn = pair.archard(gears.wear()).analysis;
+    let worn = pair.load().ok()?.archard(gears.wear()).analysis;
     let criteria = GearCriteria {
         hertz_pressure_mpa: worn.hertz_pressure_mpa,
         ..unloaded

@@ -5,6 +5,10 @@
 //! from their forces, which are zero, and δ from the sum of all forces. Cells whose force would pull are opened, open ones that would overlap are closed. After
 //! [`FREE_ROUNDS`] only the first offender changes in a round, which cannot cycle.
 
+use crate::vectors::with_vectors;
+
+use super::matrix::{Lanes, Matrix, add_multiple, lanes};
+
 /// Rounds in which all offenders change at once. Three are usual, eight the most seen.
 const FREE_ROUNDS: usize = 25;
 /// Share of the load below which a pulling force is rounding.
@@ -14,19 +18,46 @@ const GAP_TOLERANCE: f64 = 1e-10;
 
 /// The stiffness of the cells of one phase.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Stiffness {
-    /// Inverse of the compliance, N/mm, row by row; symmetric.
-    pub(crate) matrix: Vec<f64>,
+pub(super) struct Stiffness {
+    /// Inverse of the compliance, N/mm.
+    matrix: Matrix,
     /// Its row sums.
-    pub(crate) sums: Vec<f64>,
+    sums: Vec<Lanes>,
+}
+
+impl Stiffness {
+    /// The inverse of a compliance; `None` if it is not positive definite.
+    pub(super) fn of(mut compliance: Matrix, n: usize) -> Option<Self> {
+        compliance.invert().then_some(())?;
+        let mut sums = vec![[0.0; 8]; lanes(n)];
+        for i in 0..n {
+            add_multiple(&mut sums, 1.0, compliance.lanes_of(i));
+        }
+        Some(Self {
+            matrix: compliance,
+            sums,
+        })
+    }
+}
+
+/// What the cells of a phase carry.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Loading<'a> {
+    pub(super) stiffness: &'a Stiffness,
+    /// Gaps of the cells, mm.
+    pub(super) gap: &'a [f64],
+    /// N.
+    pub(super) load: f64,
+    /// Which cells are open at first.
+    pub(super) is_open: &'a [bool],
 }
 
 /// Working memory, with the forces of the last solution.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Memory {
-    pub(crate) forces: Vec<f64>,
+pub(super) struct Memory {
+    forces: Vec<Lanes>,
     /// A g.
-    product: Vec<f64>,
+    product: Vec<Lanes>,
     is_open: Vec<bool>,
     /// The open cells.
     open: Vec<usize>,
@@ -37,66 +68,71 @@ pub(crate) struct Memory {
 }
 
 impl Memory {
+    /// Forces of the last solution, N.
+    pub(super) fn forces(&self) -> &[f64] {
+        &self.forces.as_flattened()[..self.is_open.len()]
+    }
+
     /// Whether each cell was open in the last solution.
-    pub(crate) fn is_open(&self) -> &[bool] {
+    pub(super) fn is_open(&self) -> &[bool] {
         &self.is_open
     }
 
-    /// The deflection δ, mm, at which the cells carry `load`, N, over the gaps `gap`, mm; their forces are
-    /// in `forces`. `start` tells which cells are open at first. NaN for gaps that are not numbers.
+    /// The deflection δ, mm, at which the cells carry the load; their forces are in
+    /// [`forces`](Self::forces). NaN for gaps that are not numbers.
+    pub(super) fn balance(&mut self, loading: Loading<'_>) -> f64 {
+        with_vectors(
+            #[inline(always)]
+            || self.balance_here(loading),
+        )
+    }
+
     #[inline(always)]
-    pub(crate) fn balance(
-        &mut self,
-        stiffness: &Stiffness,
-        gap: &[f64],
-        load: f64,
-        start: impl Fn(usize) -> bool,
-    ) -> f64 {
+    fn balance_here(&mut self, loading: Loading<'_>) -> f64 {
+        let Loading {
+            stiffness,
+            gap,
+            load,
+            is_open,
+        } = loading;
         let n = gap.len();
         let (matrix, sums) = (&stiffness.matrix, &stiffness.sums);
-        let row = |i: usize| &matrix[i * n..(i + 1) * n];
         self.product.clear();
-        self.product.resize(n, 0.0);
+        self.product.resize(lanes(n), [0.0; 8]);
         for (i, &g) in gap.iter().enumerate() {
-            add_multiple(&mut self.product, g, row(i));
+            add_multiple(&mut self.product, g, matrix.lanes_of(i));
         }
         let greatest = gap.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
-        let strongest = self
-            .product
-            .iter()
-            .fold(0.0, |most: f64, g| most.max(g.abs()));
+        let product = self.product.as_flattened();
+        let strongest = product.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
         let least_overlap = GAP_TOLERANCE * greatest.max(1e-3);
         let pull = -(FORCE_TOLERANCE * load).max(1e-13 * strongest);
-        let (all_sums, all_product) = (sums.iter().sum::<f64>(), self.product.iter().sum::<f64>());
+        let all_sums: f64 = sums.as_flattened().iter().sum();
+        let all_product: f64 = product.iter().sum();
         self.is_open.clear();
-        self.is_open.extend((0..n).map(start));
+        self.is_open.extend_from_slice(is_open);
         for round in 0..FREE_ROUNDS + 8 * n {
             self.list_open(gap);
+            self.solve_open(stiffness);
             let (mut force, mut rate) = (load + all_product, all_sums);
-            self.solve_open(matrix, sums, n);
-            for ((&i, for_sums), for_product) in self
-                .open
-                .iter()
-                .zip(&self.solutions[0])
-                .zip(&self.solutions[1])
-            {
-                force -= sums[i] * for_product;
-                rate -= sums[i] * for_sums;
+            let [for_sums, for_product] = &self.solutions;
+            for ((&i, for_sums), for_product) in self.open.iter().zip(for_sums).zip(for_product) {
+                let sum = sums.as_flattened()[i];
+                force -= sum * for_product;
+                rate -= sum * for_sums;
             }
             let delta = force / rate;
             self.forces.clear();
-            self.forces.extend(
-                sums.iter()
-                    .zip(&self.product)
-                    .map(|(sum, product)| delta * sum - product),
-            );
-            for (p, &i) in self.open.iter().enumerate() {
-                let overlap = delta * self.solutions[0][p] - self.solutions[1][p];
-                add_multiple(&mut self.forces, -overlap, row(i));
+            self.forces.resize(lanes(n), [0.0; 8]);
+            add_multiple(&mut self.forces, delta, sums);
+            add_multiple(&mut self.forces, -1.0, &self.product);
+            for ((&i, for_sums), for_product) in self.open.iter().zip(for_sums).zip(for_product) {
+                let overlap = delta * for_sums - for_product;
+                add_multiple(&mut self.forces, -overlap, matrix.lanes_of(i));
             }
             if !self.change(delta, least_overlap, pull, round >= FREE_ROUNDS) {
                 for &i in &self.open {
-                    self.forces[i] = 0.0;
+                    self.forces.as_flattened_mut()[i] = 0.0;
                 }
                 return delta;
             }
@@ -121,14 +157,15 @@ impl Memory {
 
     /// Solves A_oo x = a_o and A_oo x = (A g)_o for the open cells o.
     #[inline(always)]
-    fn solve_open(&mut self, matrix: &[f64], sums: &[f64], n: usize) {
+    fn solve_open(&mut self, stiffness: &Stiffness) {
+        let (sums, product) = (stiffness.sums.as_flattened(), self.product.as_flattened());
         let k = self.open.len();
         let [for_sums, for_product] = &mut self.solutions;
         for_sums.clear();
         for_product.clear();
         self.factor.clear();
         for (p, &i) in self.open.iter().enumerate() {
-            let row = &matrix[i * n..(i + 1) * n];
+            let row = stiffness.matrix.row(i);
             let start = self.factor.len();
             for (q, &j) in self.open[..=p].iter().enumerate() {
                 let above = q * (q + 1) / 2;
@@ -146,7 +183,7 @@ impl Memory {
             let factor = &self.factor[start..start + p];
             let diagonal = self.factor[start + p];
             for_sums.push((sums[i] - dot(factor, for_sums)) / diagonal);
-            for_product.push((self.product[i] - dot(factor, for_product)) / diagonal);
+            for_product.push((product[i] - dot(factor, for_product)) / diagonal);
         }
         for p in (0..k).rev() {
             let start = p * (p + 1) / 2;
@@ -154,7 +191,10 @@ impl Memory {
             for solution in [&mut *for_sums, &mut *for_product] {
                 solution[p] /= diagonal;
                 let value = solution[p];
-                add_multiple(&mut solution[..p], -value, &self.factor[start..start + p]);
+                let factor = &self.factor[start..start + p];
+                for (solution, factor) in solution.iter_mut().zip(factor) {
+                    *solution -= value * factor;
+                }
             }
         }
     }
@@ -171,7 +211,7 @@ impl Memory {
                 next_open += 1;
                 overlap > least_overlap
             } else {
-                self.forces[i] < pull
+                self.forces.as_flattened()[i] < pull
             };
             if offends {
                 self.is_open[i] = !self.is_open[i];
@@ -182,13 +222,6 @@ impl Memory {
             }
         }
         has_changed
-    }
-}
-
-#[inline(always)]
-fn add_multiple(to: &mut [f64], factor: f64, row: &[f64]) {
-    for (to, value) in to.iter_mut().zip(row) {
-        *to += factor * value;
     }
 }
 
@@ -215,24 +248,35 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use proptest::prelude::*;
 
-    use super::super::inverse::invert;
+    use super::super::matrix::tests::matrix;
     use super::*;
 
     /// The compliance of `n` cells with random coupling, and its stiffness.
-    fn cells(n: usize, numbers: &[f64]) -> (Vec<f64>, Stiffness) {
-        let compliance: Vec<f64> = (0..n * n)
-            .map(|at| {
-                let (i, j) = (at / n, at % n);
-                let shared: f64 = (0..3)
-                    .map(|k| numbers[i * 3 + k] * numbers[j * 3 + k])
-                    .sum();
-                1e-5 * (shared + if i == j { 1.0 } else { 0.0 })
-            })
-            .collect();
-        let mut matrix = compliance.clone();
-        assert!(invert(&mut matrix, n, &mut Vec::new()));
-        let sums = matrix.chunks_exact(n).map(|row| row.iter().sum()).collect();
-        (compliance, Stiffness { matrix, sums })
+    fn cells(n: usize, numbers: &[f64]) -> (Matrix, Stiffness) {
+        let compliance = matrix(n, |i, j| {
+            let shared: f64 = (0..3)
+                .map(|k| numbers[i * 3 + k] * numbers[j * 3 + k])
+                .sum();
+            1e-5 * (shared + if i == j { 1.0 } else { 0.0 })
+        });
+        let stiffness = Stiffness::of(compliance.clone(), n).unwrap();
+        (compliance, stiffness)
+    }
+
+    fn balance(
+        memory: &mut Memory,
+        stiffness: &Stiffness,
+        gap: &[f64],
+        load: f64,
+        is_open: impl Fn(usize) -> bool,
+    ) -> f64 {
+        let is_open: Vec<bool> = (0..gap.len()).map(is_open).collect();
+        memory.balance(Loading {
+            stiffness,
+            gap,
+            load,
+            is_open: &is_open,
+        })
     }
 
     proptest! {
@@ -248,12 +292,11 @@ mod tests {
             let (load, n) = (10_f64.powf(exponent), gaps.len());
             let (compliance, stiffness) = cells(n, &numbers);
             let mut memory = Memory::default();
-            let delta = memory.balance(&stiffness, &gaps, load, |i| start >> i & 1 == 1);
-            let forces = &memory.forces;
+            let delta = balance(&mut memory, &stiffness, &gaps, load, |i| start >> i & 1 == 1);
+            let forces = memory.forces();
             prop_assert!((forces.iter().sum::<f64>() / load - 1.0).abs() < 1e-6);
             for i in 0..n {
-                let row = &compliance[i * n..(i + 1) * n];
-                let moved: f64 = row.iter().zip(forces).map(|(c, force)| c * force).sum();
+                let moved: f64 = compliance.row(i).iter().zip(forces).map(|(c, force)| c * force).sum();
                 let left = gaps[i] + moved - delta;
                 prop_assert!(forces[i] >= -1e-8 * load - 1e-7, "{i} pulls by {}", forces[i]);
                 prop_assert!(left > -1e-9, "{i} overlaps by {left}");
@@ -268,14 +311,18 @@ mod tests {
         let (_, stiffness) = cells(3, &[0.0; 9]);
         let mut memory = Memory::default();
         // All closed: δ = (600/1e5 + 0.003)/3.
-        let delta = memory.balance(&stiffness, &[0.0, 0.001, 0.002], 600.0, |_| false);
+        let delta = balance(&mut memory, &stiffness, &[0.0, 0.001, 0.002], 600.0, |_| {
+            false
+        });
         assert!((delta - 0.003).abs() < 1e-12);
-        assert!((memory.forces[2] - 100.0).abs() < 1e-6);
+        assert!((memory.forces()[2] - 100.0).abs() < 1e-6);
         // The third stays open, though the search starts with it alone closed.
-        let delta = memory.balance(&stiffness, &[0.0, 0.001, 0.1], 600.0, |i| i < 2);
+        let delta = balance(&mut memory, &stiffness, &[0.0, 0.001, 0.1], 600.0, |i| {
+            i < 2
+        });
         assert!((delta - 0.0035).abs() < 1e-12);
         assert_eq!(memory.is_open(), [false, false, true]);
-        assert_eq!(memory.forces[2], 0.0);
+        assert_eq!(memory.forces()[2], 0.0);
     }
 
     #[test]
@@ -283,15 +330,16 @@ mod tests {
         let (_, stiffness) = cells(3, &[0.5; 9]);
         let mut memory = Memory::default();
         // All open at first, and gaps of metres.
-        let delta = memory.balance(&stiffness, &[1e3, 1.5e3, 2e3], 1.0, |_| true);
+        let delta = balance(&mut memory, &stiffness, &[1e3, 1.5e3, 2e3], 1.0, |_| true);
         assert!((delta - 1e3).abs() < 0.1);
         // Without a load the flanks touch in the least gap.
-        let delta = memory.balance(&stiffness, &[0.3, 0.1, 0.2], 0.0, |_| false);
+        let delta = balance(&mut memory, &stiffness, &[0.3, 0.1, 0.2], 0.0, |_| false);
         assert!((delta - 0.1).abs() < 1e-9);
         assert!(
-            memory
-                .balance(&stiffness, &[0.0, f64::NAN, 0.0], 1.0, |_| false)
-                .is_nan()
+            balance(&mut memory, &stiffness, &[0.0, f64::NAN, 0.0], 1.0, |_| {
+                false
+            })
+            .is_nan()
         );
     }
 }

@@ -5,13 +5,14 @@
 //! waves die out. Bending and foundation have gains of their own. Two more terms make the ends of a
 //! helical tooth what they are: modes of odd distance couple (the acute corner is soft, the obtuse
 //! one stiff), and modes of even distance (the ends are free). A neighbouring tooth is touched at
-//! another place of the face, so its kernel is shifted along z.
+//! another place of the face, so its kernel is shifted along z. For the tooth behind it is the transposed one.
 //!
 //! All constants come from finite elements of 36 gears; see the module `coupled`.
 
 use std::f64::consts::PI;
 
 use crate::geometry::Geometry;
+use crate::vectors::with_vectors;
 
 /// The most modes: shorter waves than a tenth of the module carry nothing.
 const MOST_MODES: usize = 24;
@@ -26,15 +27,33 @@ pub(crate) struct Kernel {
 }
 
 impl Kernel {
-    pub(crate) fn at(&self, a: usize, b: usize) -> f64 {
-        self.values[a * self.strips + b]
+    /// The values of the strip `a` with `count` strips from `first` on.
+    #[inline(always)]
+    pub(crate) fn part(&self, a: usize, first: usize, count: usize) -> &[f64] {
+        &self.values[a * self.strips + first..][..count]
     }
 
-    fn new(strips: usize, value: impl Fn(usize, usize) -> f64) -> Self {
-        let values = (0..strips * strips)
-            .map(|k| value(k / strips, k % strips))
-            .collect();
+    fn zero(strips: usize) -> Self {
+        let values = vec![0.0; strips * strips];
         Self { strips, values }
+    }
+
+    /// Adds Σ_k `left(k, a)` `right[k][c]` for every pair (a, c) of strips.
+    fn plus(mut self, left: impl Fn(usize, usize) -> f64, right: &[Vec<f64>]) -> Self {
+        with_vectors(
+            #[inline(always)]
+            || {
+                for (a, row) in self.values.chunks_exact_mut(self.strips).enumerate() {
+                    for (k, right) in right.iter().enumerate() {
+                        let left = left(k, a);
+                        for (value, right) in row.iter_mut().zip(right) {
+                            *value += left * right;
+                        }
+                    }
+                }
+            },
+        );
+        self
     }
 }
 
@@ -45,11 +64,11 @@ pub(crate) struct Face {
     pub(crate) bending: Kernel,
     /// Shear and foundation of the loaded tooth, [pinion, gear].
     pub(crate) foundation: [Kernel; 2],
-    /// Neighbours n = 1, 2, each ahead and behind: the part that the place on the flank changes
-    /// linearly.
-    pub(crate) neighbour: [[Kernel; 2]; 2],
+    /// Displacement of the tooth n = 1, 2 ahead for a load on this one: the part that the place on the
+    /// flank changes linearly.
+    pub(crate) neighbour: [Kernel; 2],
     /// The same for the part with the product of both places.
-    pub(crate) neighbour_product: [[Kernel; 2]; 2],
+    pub(crate) neighbour_product: [Kernel; 2],
     /// Tilt: φ_0 φ_1′ ∓ φ_1 φ_0′, antisymmetric and symmetric.
     pub(crate) antisymmetric: Kernel,
     pub(crate) symmetric: Kernel,
@@ -69,15 +88,19 @@ impl Face {
         let kappa: Vec<f64> = (0..modes).map(|k| k as f64 * PI / b).collect();
         let x: Vec<f64> = kappa.iter().map(|kappa| kappa * m).collect();
         let weight = |k: usize| if k == 0 { 1.0 } else { 2.0 };
-        let cos: Vec<Vec<f64>> = z
-            .iter()
-            .map(|z| kappa.iter().map(|kappa| (kappa * z).cos()).collect())
-            .collect();
-        let sin: Vec<Vec<f64>> = z
-            .iter()
-            .map(|z| kappa.iter().map(|kappa| (kappa * z).sin()).collect())
-            .collect();
-        let phi = |strip: usize, k: usize| cos[strip][k] * (weight(k) / b).sqrt();
+        // The waves at the strips, mode by mode.
+        let waves = |of: &dyn Fn(usize, f64) -> f64| -> Vec<Vec<f64>> {
+            (0..modes)
+                .map(|k| z.iter().map(|&z| of(k, z)).collect())
+                .collect()
+        };
+        let cos = waves(&|k, z| (kappa[k] * z).cos());
+        let sin = waves(&|k, z| (kappa[k] * z).sin());
+        let mut phi = cos.clone();
+        for (k, phi) in phi.iter_mut().enumerate() {
+            phi.iter_mut()
+                .for_each(|value| *value *= (weight(k) / b).sqrt());
+        }
 
         let gain = |k: usize, of: &dyn Fn(f64) -> f64| if k == 0 { 1.0 } else { of(x[k]) };
         let foundation_gain = |k| {
@@ -91,11 +114,7 @@ impl Face {
         let odd = |q: f64| 3.427 * t / (1.0 + 0.455 * t) / (1.0 + 1.273 * q.abs());
         let even = |q: f64| 2.906 * t * t * (-1.26 * q * q).exp();
 
-        let bending = Kernel::new(strips, |a, c| {
-            (0..modes)
-                .map(|k| bending_gain(k) * phi(a, k) * phi(c, k))
-                .sum()
-        });
+        let bending = Kernel::zero(strips).plus(|k, a| bending_gain(k) * phi[k][a], &phi);
         let foundation = [0, 1].map(|i| {
             let sign = if i == 0 { 1.0 } else { -1.0 };
             let root = |k: usize| {
@@ -126,48 +145,37 @@ impl Face {
             let half: Vec<f64> = (0..strips * modes)
                 .map(|at| {
                     let (a, l) = (at / modes, at % modes);
-                    (0..modes).map(|k| phi(a, k) * mixed[k * modes + l]).sum()
+                    (0..modes).map(|k| phi[k][a] * mixed[k * modes + l]).sum()
                 })
                 .collect();
-            Kernel::new(strips, |a, c| {
-                (0..modes).map(|l| half[a * modes + l] * phi(c, l)).sum()
-            })
+            Kernel::zero(strips).plus(|l, a| half[a * modes + l], &phi)
         });
 
         let transverse_pitch = 2.0 * PI * geometry.r[0] / f64::from(geometry.teeth[0]);
         let shift = transverse_pitch * beta.sin() * beta.cos();
         let decay = |k: usize, rate: f64| (-rate * (x[k] * beta.cos()).powi(2)).exp();
-        let shifted = |n: usize, ahead: bool, rate: f64| {
-            let offset = if ahead { shift } else { -shift } * n as f64;
+        // The tooth ahead is touched at another place of the face.
+        let shifted = |n: usize, rate: f64| {
             let terms: Vec<[f64; 2]> = (0..modes)
                 .map(|k| {
-                    let (sin, cos) = (kappa[k] * offset).sin_cos();
+                    let (sin, cos) = (kappa[k] * shift * n as f64).sin_cos();
                     let size = weight(k) / b * decay(k, rate);
                     [size * cos, 0.5 * size * sin]
                 })
                 .collect();
-            Kernel::new(strips, |a, c| {
-                terms
-                    .iter()
-                    .enumerate()
-                    .map(|(k, [even, odd])| {
-                        even * cos[a][k] * cos[c][k]
-                            + odd * (sin[a][k] * cos[c][k] - cos[a][k] * sin[c][k])
-                    })
-                    .sum()
-            })
+            let even = |k: usize, a: usize| terms[k][0] * cos[k][a] + terms[k][1] * sin[k][a];
+            Kernel::zero(strips)
+                .plus(even, &cos)
+                .plus(|k, a| -terms[k][1] * cos[k][a], &sin)
         };
-        let neighbours = |rates: [f64; 2]| {
-            [1, 2].map(|n| [true, false].map(|ahead| shifted(n, ahead, rates[n - 1])))
-        };
+        let neighbours = |rates: [f64; 2]| [1, 2].map(|n| shifted(n, rates[n - 1]));
         let tilt = |sign: f64| {
-            Kernel::new(strips, |a, c| {
-                if modes > 1 {
-                    phi(a, 0) * phi(c, 1) + sign * phi(a, 1) * phi(c, 0)
-                } else {
-                    0.0
-                }
-            })
+            let tilt = Kernel::zero(strips);
+            if modes == 1 {
+                return tilt;
+            }
+            tilt.plus(|_, a| phi[0][a], &phi[1..2])
+                .plus(|_, a| sign * phi[1][a], &phi[..1])
         };
         Self {
             bending,

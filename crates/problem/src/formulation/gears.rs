@@ -135,19 +135,32 @@ impl Gears {
         &self.sections.grid
     }
 
-    /// The geometry and compliance of a design.
+    /// The geometry and the teeth of a design.
+    ///
+    /// # Errors
+    ///
+    /// The design is not simulable.
+    pub fn unloaded(&self, design: &Design) -> Result<gear::UnloadedPair, gear::Error> {
+        let input = self.pair_input(design);
+        gear::UnloadedPair::new(&input, &self.corrections(design), &self.sections.grid)
+    }
+
+    /// A design with its contact.
     ///
     /// # Errors
     ///
     /// The design is not simulable.
     pub fn pair(&self, design: &Design) -> Result<gear::Pair, gear::Error> {
-        let input = self.pair_input(design);
-        gear::Pair::with_corrections(&input, &self.corrections(design), &self.sections.grid)
+        Ok(self.unloaded(design)?.load()?)
     }
 
     /// The criteria of a pair, with the contact pressure of the relevant analysis, in MPa.
     #[must_use]
-    pub fn pair_criteria(&self, pair: &gear::Pair, hertz_pressure_mpa: f64) -> GearCriteria {
+    pub fn pair_criteria(
+        &self,
+        pair: &gear::UnloadedPair,
+        hertz_pressure_mpa: f64,
+    ) -> GearCriteria {
         let detailed = self.sections.constraints.need_details();
         GearCriteria::of_pair(pair, hertz_pressure_mpa, detailed)
     }

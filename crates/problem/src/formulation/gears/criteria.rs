@@ -114,7 +114,7 @@ impl GearCriteria {
     /// The criteria of a pair, with the contact pressure of the relevant analysis in MPa, and with
     /// details if `detailed`.
     #[must_use]
-    pub fn of_pair(pair: &gear::Pair, hertz_pressure_mpa: f64, detailed: bool) -> Self {
+    pub fn of_pair(pair: &gear::UnloadedPair, hertz_pressure_mpa: f64, detailed: bool) -> Self {
         let geometry = pair.geometry();
         let interference = pair.interference();
         let roots = pair.root_stress();
@@ -172,7 +172,7 @@ impl GearCriteria {
 impl GearDetails {
     const COUNT: usize = 8;
 
-    fn of_pair(pair: &gear::Pair) -> Self {
+    fn of_pair(pair: &gear::UnloadedPair) -> Self {
         let geometry = pair.geometry();
         let rating = rating::rate(pair, 1.0);
         Self {
