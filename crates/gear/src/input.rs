@@ -94,11 +94,11 @@ pub enum ToothModel {
     /// Cells of the contact lines that feel each other along the face and from tooth to tooth, on a body
     /// with a hub, with contact beyond the ends of the path. The model to design with: it agrees with
     /// finite elements.
+    #[default]
     Coupled,
     /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
     HertzBeam,
     /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
-    #[default]
     WeberBanaschek,
     /// The beams and the contact of `"hertz-beam"`, but each tooth is one beam over
     /// the whole face: a line of contact that covers the share f of the face b has the compliance

@@ -13,8 +13,9 @@ pub(super) const fn lanes(n: usize) -> usize {
 /// Adds `factor` times `row`.
 #[inline(always)]
 pub(super) fn add_multiple(to: &mut [Lanes], factor: f64, row: &[Lanes]) {
-    for (to, row) in to.iter_mut().zip(row) {
-        *to = std::array::from_fn(|lane| to[lane] + factor * row[lane]);
+    // Not lane by lane: that becomes a loop that gathers whole rows, ten times slower from eight lanes on.
+    for (to, value) in to.as_flattened_mut().iter_mut().zip(row.as_flattened()) {
+        *to += factor * value;
     }
 }
 

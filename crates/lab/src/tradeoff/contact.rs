@@ -132,7 +132,7 @@ fn row(
         panel: class.to_owned(),
         method: model.to_string(),
         setting: format!("{} × {}", grid.cells, grid.phases),
-        is_campaign: is_default && model == ToothModel::Coupled,
+        is_campaign: is_default && model == ToothModel::default(),
         values: vec![
             median(&samples),
             quantile(&samples, 0.95),

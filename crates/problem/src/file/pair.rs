@@ -4,7 +4,7 @@ use gear::{PairInput, Size};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::corrections::{PairCorrections, WITHOUT_CROWNING};
+use super::corrections::PairCorrections;
 use super::validate::Source;
 use super::{FileError, GearLimits, Load, Manufacture, Material, advice, wear};
 
@@ -133,28 +133,30 @@ impl PairFile {
         }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;
-            self.along_face(source)?;
         }
-        Ok(())
+        self.of_geometry(source)
     }
 
-    /// Refuses corrections along the face that the simulator cannot integrate.
-    fn along_face(&self, source: Source<'_>) -> Result<(), FileError> {
-        /// Maximum number of tooth pairs in contact at a time with a correction along the face.
-        const MOST_PAIRS: f64 = 100.0;
-        let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam;
-        let contact_ratio = || gear::Geometry::new(&self.to_gear()).map(|g| g.contact_ratio);
-        let sections = self.corrections.iter();
-        for (key, um) in sections.flat_map(PairCorrections::along_face) {
-            source.require(!whole_face, key, um, WITHOUT_CROWNING)?;
-            source.require(
-                contact_ratio().map_or(true, |ratio| ratio <= MOST_PAIRS),
-                key,
-                um,
-                "absent or 0 for a pair whose contact ratio exceeds 100",
-            )?;
-        }
-        Ok(())
+    /// Refuses what only the geometry shows to be impossible.
+    fn of_geometry(&self, source: Source<'_>) -> Result<(), FileError> {
+        let (input, corrections) = (self.to_gear(), self.corrections());
+        let grid = gear::Discretisation::of(input.tooth_model);
+        let pair = gear::UnloadedPair::new(&input, &corrections, &grid);
+        let Err(gear::Error::Input(error)) = pair else {
+            return Ok(());
+        };
+        let place = match error.field {
+            "face_width" => Some(("pair.face_width_mm", error.value)),
+            "hub_radius[0]" | "hub_radius[1]" => Some(("pair.hub_radius_mm", error.value)),
+            field => self
+                .corrections
+                .iter()
+                .flat_map(PairCorrections::along_face)
+                .find(|(key, _)| key.contains(field)),
+        };
+        place.map_or(Ok(()), |(key, value)| {
+            source.require(false, key, value, error.expected)
+        })
     }
 
     /// The simulator's corrections, in mm; without effect if there is no

@@ -89,7 +89,7 @@ fn a_flank_class_scatters_random_samples_and_is_named() {
     assert!(spread(&with) > 1.2 * spread(&without));
     for part in [
         "6: profile slopes within ±6.85, ±6.89 µm",
-        "pitch, form and helix deviations, dynamics",
+        "pitch and form deviations, dynamics",
     ] {
         assert!(describe(&with).contains(part), "{}", describe(&with));
         assert!(!describe(&without).contains(part));
