@@ -48,7 +48,7 @@ impl Pair {
     }
 
     /// As [`new`](Self::new) for flanks with tip relief and crowning, which are part of every
-    /// analysis and every sample of the pair, "unworn" ones included. Tip relief costs nothing;
+    /// analysis and every sample of the pair, "unworn" ones included. Tip relief costs nothing; for slices
     /// crowning makes a new design about four times slower and a sample seventeen times.
     ///
     /// # Errors
