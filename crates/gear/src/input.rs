@@ -122,6 +122,14 @@ pub enum ToothModel {
 
 pub(crate) use named;
 
+impl ToothModel {
+    /// Whether the model knows where on the face teeth touch, so that gaps may vary along it.
+    #[must_use]
+    pub const fn knows_the_face(self) -> bool {
+        !matches!(self, Self::WholeFaceBeam)
+    }
+}
+
 named!(ToothModel: Coupled, HertzBeam, WeberBanaschek, WholeFaceBeam, PrismaticBeam);
 
 /// The treatment of a tip that would press into the mate's root.

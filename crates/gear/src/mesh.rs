@@ -133,8 +133,8 @@ impl Mesh {
         }
         .tilted(slope);
         match &self.contact {
-            Contact::Slices(kind) if lead.is_even() => {
-                frame.extremes(&mut SliceBalance::new(frame, kind, g, slices), delta)
+            Contact::Slices(kind) if slope == 0.0 || frame.path.has_lines() => {
+                frame.extremes(&mut SliceBalance::new(frame, kind, g, slope, slices), delta)
             }
             Contact::Slices(_) | Contact::Crowned(_) => frame.extremes(
                 &mut CrownedBalance {

@@ -53,6 +53,8 @@ pub(crate) struct Window {
     pub(crate) hi: Place,
     /// Number of pairs that cover it: more than one only for the whole path under a very wide face.
     pub(crate) weight: f64,
+    /// Front end of the line, which may lie beyond the path; of the first one if there are several.
+    pub(crate) end: f64,
 }
 
 /// The places where a line of contact takes its compliance and gap.
@@ -242,13 +244,14 @@ impl Path {
             0
         };
         for j in (0..from).chain(from + whole..=last) {
-            let hi = self.s_in + phi + j as f64 * p;
-            let (lo, hi) = ((hi - w).max(self.s_in), hi.min(self.s_out));
+            let end = self.s_in + phi + j as f64 * p;
+            let (lo, hi) = ((end - w).max(self.s_in), end.min(self.s_out));
             if lo < hi {
                 out.push(Window {
                     lo: self.place(lo),
                     hi: self.place(hi),
                     weight: 1.0,
+                    end,
                 });
             }
         }
@@ -258,8 +261,14 @@ impl Path {
                 lo,
                 hi,
                 weight: whole as f64,
+                end: self.s_in + phi + from as f64 * p,
             });
         }
+    }
+
+    /// Whether every line has a window of its own, in which its places on the path and on the face are tied.
+    pub(crate) fn has_lines(&self) -> bool {
+        !self.spur && self.window < self.s_out - self.s_in + self.base_pitch
     }
 
     /// Finds the cell of a place on the path.

@@ -11,7 +11,7 @@ use rand::Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 
 use crate::field::Field;
-use crate::input::{Member, ToothModel, Wear};
+use crate::input::{Member, Wear};
 use crate::manufacture::{Deviation, Deviations, Scatter};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
@@ -100,7 +100,7 @@ impl Sampler {
             );
             Field::new(wear, interval, &roll[member.index()])
         });
-        let tilts = pair.input().tooth_model == ToothModel::Coupled;
+        let tilts = pair.input().tooth_model.knows_the_face();
         let deviations = Deviations::new(scatter, geometry, pair.path(), tilts);
         let (mean_gap, _) = pair.worn_gap(wear, &pair.depth(wear));
         Self {

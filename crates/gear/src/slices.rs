@@ -9,6 +9,12 @@
 //! interval for each valley of g, whose ends move along the flank as δ changes; the force is then
 //! still a handful of prefix-sum differences for any number of cells. The force is convex
 //! and increasing in δ, so Newton's method falls monotonically after its first step.
+//!
+//! A gap that also grows along the face, by `slope` from its leading end to the trailing one, is tied to
+//! the place on the path: the line with its front end at e touches s at the share (e − s)/w of the face.
+//! The part with s belongs to the gap of all lines, the one with e lowers the δ of this line.
+
+use std::borrow::Cow;
 
 use crate::balance::{Balance, CONVERGED, Frame, MAX_STEPS, not_negative};
 use crate::path::{Path, Place, Window};
@@ -86,6 +92,8 @@ struct Span {
     lo: PrefixIntegrals,
     hi: PrefixIntegrals,
     weight: f64,
+    /// δ less the δ of its line.
+    shift: f64,
 }
 
 /// Working memory, reused from sample to sample.
@@ -105,14 +113,16 @@ pub(crate) struct SliceBalance<'a> {
 }
 
 impl<'a> SliceBalance<'a> {
-    /// `g` is the gap at the nodes.
+    /// `g` is the gap at the nodes, `slope` its growth along the face, mm; only lines with [windows of their
+    /// own](Path::has_lines) may have one.
     pub(crate) fn new(
         frame: &'a Frame,
         slices: &'a Slices,
         g: &'a [f64],
+        slope: f64,
         memory: &'a mut Memory,
     ) -> Self {
-        let gap = Gap::new(frame, slices, g, memory);
+        let gap = Gap::new(frame, slices, g, slope, memory);
         Self { gap, memory }
     }
 }
@@ -137,13 +147,29 @@ impl Balance for SliceBalance<'_> {
 struct Gap<'a> {
     frame: &'a Frame,
     slices: &'a Slices,
-    g: &'a [f64],
+    /// Gap at the nodes that all lines share.
+    g: Cow<'a, [f64]>,
+    slope: f64,
     /// Largest gap on the path.
     greatest: f64,
 }
 
 impl<'a> Gap<'a> {
-    fn new(frame: &'a Frame, slices: &'a Slices, g: &'a [f64], memory: &mut Memory) -> Self {
+    fn new(
+        frame: &'a Frame,
+        slices: &'a Slices,
+        g: &'a [f64],
+        slope: f64,
+        memory: &mut Memory,
+    ) -> Self {
+        let path = &frame.path;
+        let g: Cow<'a, [f64]> = if slope == 0.0 {
+            g.into()
+        } else {
+            let share = |s: f64| (s - path.s_in) / path.window;
+            let sloped = path.s.iter().zip(g).map(|(&s, g)| g - slope * share(s));
+            sloped.collect()
+        };
         let sums = &mut memory.gap_area;
         sums.clear();
         let mut sum = 0.0;
@@ -181,8 +207,16 @@ impl<'a> Gap<'a> {
             frame,
             slices,
             g,
+            slope,
             greatest,
         }
+    }
+
+    /// δ less the δ of the line of a window.
+    fn shift(&self, window: &Window) -> f64 {
+        let path = &self.frame.path;
+        // The slope's own gap is zero at one end of the face.
+        self.slope * (window.end - path.s_in) / path.window - self.slope.min(0.0)
     }
 
     /// Prefix integrals up to a place.
@@ -211,19 +245,22 @@ impl<'a> Gap<'a> {
             ..
         } = memory;
         spans.clear();
-        let (mut area, mut gap) = (0.0, 0.0);
+        let (mut area, mut gap, mut most) = (0.0, 0.0, 0.0_f64);
         for window in windows {
             let span = Span {
                 lo: self.integrals_at(window.lo, gap_area),
                 hi: self.integrals_at(window.hi, gap_area),
                 weight: window.weight,
+                shift: self.shift(window),
             };
-            area += span.weight * (span.hi.area - span.lo.area);
-            gap += span.weight * (span.hi.gap - span.lo.gap);
+            let own = span.weight * (span.hi.area - span.lo.area);
+            area += own;
+            gap += span.weight * (span.hi.gap - span.lo.gap) + span.shift * own;
+            most = most.max(span.shift);
             spans.push(span);
         }
         let full = (self.frame.target + gap) / area;
-        if full >= self.greatest {
+        if full >= self.greatest + most {
             return full;
         }
         let mut delta = if guess > 0.0 { guess } else { full };
@@ -260,7 +297,37 @@ impl<'a> Gap<'a> {
         touching: &mut Vec<(PrefixIntegrals, PrefixIntegrals)>,
         gap_area: &[f64],
     ) -> (f64, f64) {
-        let g = self.g;
+        let (mut force, mut rate) = (0.0, 0.0);
+        let mut shift = f64::NAN;
+        for span in spans {
+            let delta = delta - span.shift;
+            // Without a slope all lines have one δ.
+            if span.shift != shift {
+                shift = span.shift;
+                self.find_touching(delta, valleys, touching, gap_area);
+            }
+            for (lo, hi) in touching.iter() {
+                let lo = if lo.s > span.lo.s { lo } else { &span.lo };
+                let hi = if hi.s < span.hi.s { hi } else { &span.hi };
+                if lo.s < hi.s {
+                    let area = span.weight * (hi.area - lo.area);
+                    force += delta * area - span.weight * (hi.gap - lo.gap);
+                    rate += area;
+                }
+            }
+        }
+        (force, rate)
+    }
+
+    /// Finds the parts of the path whose gap is below `delta`.
+    fn find_touching(
+        &self,
+        delta: f64,
+        valleys: &mut [Valley],
+        touching: &mut Vec<(PrefixIntegrals, PrefixIntegrals)>,
+        gap_area: &[f64],
+    ) {
+        let g = &*self.g;
         touching.clear();
         for valley in valleys {
             let closed = g[valley.bottom] < delta;
@@ -296,19 +363,6 @@ impl<'a> Gap<'a> {
             };
             touching.push((lo, hi));
         }
-        let (mut force, mut rate) = (0.0, 0.0);
-        for span in spans {
-            for (lo, hi) in touching.iter() {
-                let lo = if lo.s > span.lo.s { lo } else { &span.lo };
-                let hi = if hi.s < span.hi.s { hi } else { &span.hi };
-                if lo.s < hi.s {
-                    let area = span.weight * (hi.area - lo.area);
-                    force += delta * area - span.weight * (hi.gap - lo.gap);
-                    rate += area;
-                }
-            }
-        }
-        (force, rate)
     }
 
     /// The place in `cell` where the gap equals `delta`.

@@ -42,7 +42,6 @@ impl UnloadedPair {
         disc.validate()?;
         corrections.validate()?;
         let geometry = Geometry::new(input)?;
-        let whole_face = input.tooth_model == ToothModel::WholeFaceBeam;
         let along_face = [
             ("crowning", corrections.crowning),
             ("helix_slope", corrections.helix_slope),
@@ -50,7 +49,7 @@ impl UnloadedPair {
         ];
         let refused = if geometry.contact_ratio > MOST_CROWNED_PAIRS {
             Some("zero for a pair whose contact ratio exceeds 100")
-        } else if whole_face {
+        } else if !input.tooth_model.knows_the_face() {
             Some("zero with the tooth model whole-face-beam, which has one gap for the whole face")
         } else {
             None

@@ -113,7 +113,7 @@ struct Scatter {
     /// f_HαT of each gear.
     #[serde(skip_serializing_if = "Option::is_none")]
     slope_tolerance_um: Option<[f64; 2]>,
-    /// f_HβT of each gear; only coupled cells have helix slopes in their samples.
+    /// f_HβT of each gear, where the tooth model knows the face.
     #[serde(skip_serializing_if = "Option::is_none")]
     helix_slope_tolerance_um: Option<[f64; 2]>,
     /// Tolerance of the misalignment of the shafts.
@@ -125,7 +125,7 @@ impl Scatter {
     fn of(file: &PairFile, geometry: &Geometry) -> Option<Self> {
         let scatter = file.scatter();
         let class = scatter.flank_class;
-        let may_tilt = file.pair.tooth_model == gear::ToothModel::Coupled;
+        let may_tilt = file.pair.tooth_model.knows_the_face();
         let um = |tolerances: [f64; 2]| tolerances.map(|mm| 1e3 * mm);
         file.manufacture.map(|_| Self {
             flank_class: class.map(gear::FlankClass::number),

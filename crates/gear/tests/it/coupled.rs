@@ -96,7 +96,7 @@ fn samples_do_not_depend_on_their_order() {
     assert!(forwards.iter().eq(backwards.iter().rev()));
 }
 
-/// Helix slopes and misalignment scatter the samples of coupled cells, those of spur gears too, and leave
+/// Helix slopes and misalignment scatter the samples of all that know the face, spur gears too, and leave
 /// the wear's random numbers alone.
 #[test]
 fn helix_slopes_and_misalignment_scatter() {
@@ -113,7 +113,7 @@ fn helix_slopes_and_misalignment_scatter() {
                 ..plain()
             };
             let pair = Pair::new(&input, &Discretisation::of(*model)).unwrap();
-            let may_tilt = *model == ToothModel::Coupled;
+            let may_tilt = model.knows_the_face();
             let modes = |scatter| pair.sampler_with(&WEAR, scatter).modes();
             let wear = modes(Scatter::default());
             assert_eq!(modes(class) - wear, if may_tilt { 4 } else { 2 });

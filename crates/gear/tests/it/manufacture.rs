@@ -203,7 +203,7 @@ fn deviations_come_after_the_wear_and_leave_it_alone() {
     let mut none = pair.sampler_with(&WEAR, gear::Scatter::default());
     let mut scattered = pair.sampler_with(&WEAR, gear::Scatter::of_class(six));
     assert_eq!(plain.modes(), none.modes());
-    assert_eq!(plain.modes() + 2, scattered.modes());
+    assert_eq!(plain.modes() + 4, scattered.modes());
     let tolerances = six.slope_tolerances(pair.geometry());
     let draw = |sampler: &mut Sampler, k| sampler.draw_profile(&mut stream(4, Purpose::Test, 1, k));
     // Sums of f, f² and f1 f2 in units of the tolerance.

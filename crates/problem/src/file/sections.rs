@@ -23,7 +23,7 @@ pub struct Manufacture {
     /// Flank tolerance class of both gears by ISO 1328-1, from 1, the finest, to 11.
     pub flank_class: Option<gear::FlankClass>,
     /// Tolerance ± of the misalignment of the shafts over the face width, µm in the plane of action; three
-    /// standard deviations. It takes the tooth model `coupled`.
+    /// standard deviations. The tooth model `whole-face-beam` does not know of it.
     pub misalignment_um: Option<f64>,
 }
 
@@ -39,8 +39,8 @@ impl Manufacture {
     pub fn describe(&self) -> String {
         let class = self.flank_class.map(|class| {
             format!(
-                "flank class {} of ISO 1328-1: profile slopes, and with the tooth model coupled helix \
-                 slopes, deviate at random, alike on all teeth of a gear",
+                "flank class {} of ISO 1328-1: profile slopes, and with all tooth models but \
+                 whole-face-beam helix slopes, deviate at random, alike on all teeth of a gear",
                 class.number()
             )
         });
@@ -78,10 +78,10 @@ impl Manufacture {
         self.misalignment_um.map_or(Ok(()), |um| {
             let key = "manufacture.misalignment_um";
             source.require(
-                model == gear::ToothModel::Coupled,
+                model.knows_the_face(),
                 key,
                 um,
-                "absent unless pair.tooth_model is \"coupled\"",
+                "absent when pair.tooth_model is \"whole-face-beam\"",
             )?;
             source.within(key, um, 0.0, 1000.0, "µm")
         })
