@@ -3,9 +3,10 @@
 //!
 //! Corrections are part of the gap g that the contact closes. Tip relief depends on the place s on
 //! the path alone, so it costs nothing beyond the uncorrected pair. Crowning and helix slope depend on
-//! the place z along the face. For slices the face integral is then no longer one of s alone, prefix sums do not
-//! apply, and each phase is integrated piece by piece: a worn sample takes about seventeen times the
-//! time. Coupled cells have a gap each, so they cost nothing more.
+//! the place z along the face. Coupled cells have a gap each, so they cost nothing more. For slices a helix slope
+//! lowers the deflection of each line of a helical pair by another amount; with crowning the face integral is no
+//! longer one of s alone, prefix sums do not apply, and each phase is integrated piece by piece: a worn sample
+//! takes about seventeen times the time.
 //! Amounts are normal to the flank, as wear depths are.
 //!
 //! Left out: end relief, pressure-angle corrections, topographies.

@@ -23,9 +23,8 @@ pub(crate) struct Mesh {
 /// The calculation that shares out the load.
 #[derive(Debug, Clone)]
 enum Contact {
-    Slices(Slices),
-    /// Slices of flanks whose gap varies along the face.
-    Crowned(Lead),
+    /// Slices, with the gap of the corrections along the face.
+    Slices(Slices, Lead),
     WholeFace(WholeFace),
     Coupled(Coupled),
 }
@@ -44,18 +43,13 @@ pub(crate) struct Scratch {
 impl Mesh {
     /// The mesh of thin slices. `stiffness` is 1/q at the nodes; `target` is F_bt w/b.
     pub(crate) fn slices(path: Path, stiffness: Vec<f64>, target: f64, lead: Lead) -> Self {
-        let contact = if lead.is_even() {
-            Contact::Slices(Slices::new(&path, &stiffness))
-        } else {
-            Contact::Crowned(lead)
-        };
         Self {
+            contact: Contact::Slices(Slices::new(&path, &stiffness), lead),
             frame: Frame {
                 path,
                 stiffness,
                 target,
             },
-            contact,
         }
     }
 
@@ -127,24 +121,22 @@ impl Mesh {
             delta,
         } = scratch;
         let frame = &self.frame;
-        let lead = match self.contact {
-            Contact::Crowned(lead) => lead,
-            _ => Lead::default(),
-        }
-        .tilted(slope);
         match &self.contact {
-            Contact::Slices(kind) if slope == 0.0 || frame.path.has_lines() => {
-                frame.extremes(&mut SliceBalance::new(frame, kind, g, slope, slices), delta)
-            }
-            Contact::Slices(_) | Contact::Crowned(_) => frame.extremes(
-                &mut CrownedBalance {
+            Contact::Slices(sums, lead) => {
+                let lead = lead.tilted(slope);
+                let has_sums = lead.is_even() || lead.crowning == 0.0 && frame.path.has_lines();
+                if has_sums {
+                    let mut balance = SliceBalance::new(frame, sums, g, lead.slope, slices);
+                    return frame.extremes(&mut balance, delta);
+                }
+                let mut balance = CrownedBalance {
                     frame,
                     lead,
                     g,
                     pieces,
-                },
-                delta,
-            ),
+                };
+                frame.extremes(&mut balance, delta)
+            }
             Contact::Coupled(coupled) => coupled.solve(g, slope, cells, delta),
             Contact::WholeFace(teeth) => frame.extremes(
                 &mut WholeFaceBalance {
@@ -158,14 +150,14 @@ impl Mesh {
         }
     }
 
-    /// δ at any phase where no gap keeps the flanks apart; NaN for crowned flanks, which always have
-    /// a gap, and for coupled ones, which know their phases only.
+    /// δ at any phase where no gap keeps the flanks apart; NaN for coupled ones, which know their phases
+    /// only.
     pub(crate) fn unworn(&self, phi: f64, windows: &mut Vec<Window>) -> f64 {
         let phi = phi.rem_euclid(self.frame.path.base_pitch);
         match &self.contact {
-            Contact::Slices(slices) => slices.unworn(&self.frame, phi, windows),
+            Contact::Slices(sums, _) => sums.unworn(&self.frame, phi, windows),
             Contact::WholeFace(teeth) => teeth.unworn(&self.frame, phi, windows),
-            Contact::Crowned(_) | Contact::Coupled(_) => f64::NAN,
+            Contact::Coupled(_) => f64::NAN,
         }
     }
 
@@ -190,9 +182,8 @@ impl Mesh {
             Contact::WholeFace(teeth) => {
                 return teeth.greatest_load(&self.frame, g, &scratch.delta, is_zero_gap);
             }
-            Contact::Crowned(lead) => (*lead, None),
-            Contact::Slices(_) if is_zero_gap => (Lead::default(), Some(&mut exact)),
-            Contact::Slices(_) => (Lead::default(), None),
+            Contact::Slices(_, lead) if is_zero_gap && lead.is_even() => (*lead, Some(&mut exact)),
+            Contact::Slices(_, lead) => (*lead, None),
         };
         let path = &self.frame.path;
         let greatest = if path.window >= path.base_pitch && lead.is_even() {
@@ -235,12 +226,11 @@ impl Mesh {
                 let delta = function.between(end, &mut before);
                 match &self.contact {
                     Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),
-                    Contact::Crowned(lead) => {
+                    Contact::Slices(_, lead) => {
                         (delta - g_here - lead.gap(across)).max(0.0) * stiffness
                     }
-                    Contact::Slices(_) | Contact::Coupled(_) => {
-                        (delta - g_here).max(0.0) * stiffness
-                    }
+                    // Answered above.
+                    Contact::Coupled(_) => f64::NAN,
                 }
             })
             .collect()

@@ -190,7 +190,7 @@ fn load_balance_with_many_valleys() {
 }
 
 /// A slope along the face gives the same δ from prefix sums, line by line, as from pieces of the lines,
-/// which take it for a correction.
+/// which next to no crowning asks for.
 #[test]
 fn a_slope_along_the_face_needs_no_pieces() {
     for slope in [0.003, -0.011] {
@@ -201,8 +201,8 @@ fn a_slope_along_the_face_needs_no_pieces() {
             };
             let disc = Discretisation::default();
             let even = Pair::new(&input, &disc).expect("feasible");
-            let corrections = Corrections::default().with_helix_slope(slope);
-            let sloped = Pair::with_corrections(&input, &corrections, &disc).expect("feasible");
+            let corrections = Corrections::default().with_crowning(1e-14);
+            let crowned = Pair::with_corrections(&input, &corrections, &disc).expect("feasible");
             assert!(even.mesh.frame.path.has_lines());
             let nodes = even.path().len();
             let gap: Vec<f64> = (0..nodes)
@@ -210,7 +210,7 @@ fn a_slope_along_the_face_needs_no_pieces() {
                 .collect();
             let (mut sums, mut pieces) = (Scratch::default(), Scratch::default());
             even.mesh.solve_tilted(&gap, slope, &mut sums);
-            sloped.mesh.solve(&gap, &mut pieces);
+            crowned.mesh.solve_tilted(&gap, slope, &mut pieces);
             let most = sums.delta.iter().fold(0.0, |most: f64, &d| most.max(d));
             for (a, b) in sums.delta.iter().zip(&pieces.delta) {
                 assert!(
