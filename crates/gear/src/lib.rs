@@ -5,7 +5,8 @@
 //! pair follow contact ratio, specific sliding, interference, root stress and Hertz pressure, the
 //! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and any number of randomly
 //! worn versions, with perfect flanks ([`Pair::sampler`]) or with the scatter of manufacture
-//! ([`Pair::sampler_with`]). [`Pair::with_corrections`] adds tip relief and crowning,
+//! ([`Pair::sampler_with`]). What needs no contact has an [`UnloadedPair`] for a fraction of the time.
+//! [`Pair::with_corrections`] adds tip relief and crowning,
 //! [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal figures for
 //! comparison.
 //!

@@ -380,3 +380,46 @@ impl<'a> Gap<'a> {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::corrections::Corrections;
+    use crate::general::plain;
+    use crate::input::{Discretisation, PairInput};
+    use crate::mesh::Scratch;
+    use crate::pair::Pair;
+
+    /// A slope along the face gives the same δ from prefix sums, line by line, as from pieces of the lines,
+    /// which next to no crowning asks for.
+    #[test]
+    fn a_slope_along_the_face_needs_no_pieces() {
+        for slope in [0.003, -0.011] {
+            for face_width in [4.0, 20.0, 30.0] {
+                let input = PairInput {
+                    face_width,
+                    ..plain()
+                };
+                let disc = Discretisation::default();
+                let even = Pair::new(&input, &disc).expect("feasible");
+                let corrections = Corrections::default().with_crowning(1e-14);
+                let crowned =
+                    Pair::with_corrections(&input, &corrections, &disc).expect("feasible");
+                assert!(even.mesh.frame.path.has_lines());
+                let nodes = even.path().len();
+                let gap: Vec<f64> = (0..nodes)
+                    .map(|k| 4e-3 * (7.0 * k as f64 / nodes as f64).sin().powi(2))
+                    .collect();
+                let (mut sums, mut pieces) = (Scratch::default(), Scratch::default());
+                even.mesh.solve_tilted(&gap, slope, &mut sums);
+                crowned.mesh.solve_tilted(&gap, slope, &mut pieces);
+                let most = sums.delta.iter().fold(0.0, |most: f64, &d| most.max(d));
+                for (a, b) in sums.delta.iter().zip(&pieces.delta) {
+                    assert!(
+                        (a - b).abs() < 1e-9 * most,
+                        "{slope} on {face_width}: {a} {b}"
+                    );
+                }
+            }
+        }
+    }
+}

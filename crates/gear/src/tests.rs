@@ -2,7 +2,6 @@
 
 use std::f64::consts::PI;
 
-use crate::corrections::Corrections;
 use crate::general::plain as input;
 use crate::geometry::Geometry;
 use crate::input::{Discretisation, Member, PairInput, Size, Wear, WearLaw};
@@ -187,39 +186,6 @@ fn load_balance_with_many_valleys() {
         separated > 0,
         "the test's gap should open the contact somewhere"
     );
-}
-
-/// A slope along the face gives the same δ from prefix sums, line by line, as from pieces of the lines,
-/// which next to no crowning asks for.
-#[test]
-fn a_slope_along_the_face_needs_no_pieces() {
-    for slope in [0.003, -0.011] {
-        for face_width in [4.0, 20.0, 30.0] {
-            let input = PairInput {
-                face_width,
-                ..input()
-            };
-            let disc = Discretisation::default();
-            let even = Pair::new(&input, &disc).expect("feasible");
-            let corrections = Corrections::default().with_crowning(1e-14);
-            let crowned = Pair::with_corrections(&input, &corrections, &disc).expect("feasible");
-            assert!(even.mesh.frame.path.has_lines());
-            let nodes = even.path().len();
-            let gap: Vec<f64> = (0..nodes)
-                .map(|k| 4e-3 * (7.0 * k as f64 / nodes as f64).sin().powi(2))
-                .collect();
-            let (mut sums, mut pieces) = (Scratch::default(), Scratch::default());
-            even.mesh.solve_tilted(&gap, slope, &mut sums);
-            crowned.mesh.solve_tilted(&gap, slope, &mut pieces);
-            let most = sums.delta.iter().fold(0.0, |most: f64, &d| most.max(d));
-            for (a, b) in sums.delta.iter().zip(&pieces.delta) {
-                assert!(
-                    (a - b).abs() < 1e-9 * most,
-                    "{slope} on {face_width}: {a} {b}"
-                );
-            }
-        }
-    }
 }
 
 /// In full contact the solution from Newton's method and the ratio of prefix sums agree: a deep

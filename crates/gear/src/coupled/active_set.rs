@@ -27,10 +27,10 @@ pub(super) struct Stiffness {
 
 impl Stiffness {
     /// The inverse of a compliance; `None` if it is not positive definite.
-    pub(super) fn of(mut compliance: Matrix, n: usize) -> Option<Self> {
+    pub(super) fn of(mut compliance: Matrix) -> Option<Self> {
         compliance.invert().then_some(())?;
-        let mut sums = vec![[0.0; 8]; lanes(n)];
-        for i in 0..n {
+        let mut sums = vec![[0.0; 8]; lanes(compliance.n)];
+        for i in 0..compliance.n {
             add_multiple(&mut sums, 1.0, compliance.lanes_of(i));
         }
         Some(Self {
@@ -259,7 +259,7 @@ mod tests {
                 .sum();
             1e-5 * (shared + if i == j { 1.0 } else { 0.0 })
         });
-        let stiffness = Stiffness::of(compliance.clone(), n).unwrap();
+        let stiffness = Stiffness::of(compliance.clone()).unwrap();
         (compliance, stiffness)
     }
 

@@ -48,6 +48,19 @@ pub(super) struct Phase {
     pub(super) compliance: Matrix,
 }
 
+impl Phase {
+    /// Gaps of the cells, mm, for the gap `g` at the nodes of the path and `lead` at the strips.
+    pub(super) fn gaps<'a>(
+        &'a self,
+        g: &'a [f64],
+        lead: &'a [f64],
+    ) -> impl Iterator<Item = f64> + 'a {
+        self.cells
+            .iter()
+            .map(move |cell| cell.separation + cell.place.of(g) + lead[cell.strip])
+    }
+}
+
 /// The parts of a pair from which the compliance of its cells follows.
 struct Parts {
     bodies: [Body; 2],
@@ -113,6 +126,12 @@ impl Cells {
             phases,
             tracks,
         }
+    }
+
+    /// Gap along the face at the strips, with a further `slope`, mm.
+    pub(super) fn lead_gaps(&self, slope: f64) -> impl Iterator<Item = f64> + '_ {
+        let lead = self.lead.tilted(slope);
+        self.across.iter().map(move |&z| lead.gap(z))
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) fn add_multiple(to: &mut [Lanes], factor: f64, row: &[Lanes]) {
 /// A symmetric n×n matrix, row by row; rows are padded with zeros.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Matrix {
-    n: usize,
+    pub(super) n: usize,
     values: Vec<Lanes>,
 }
 

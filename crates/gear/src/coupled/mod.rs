@@ -108,6 +108,7 @@ impl Coupled {
         let mut approach = Approach {
             pair,
             cells: &cells,
+            lead: cells.lead_gaps(0.0).collect(),
             line_loads: Vec::new(),
             memory: active_set::Memory::default(),
         };
@@ -131,22 +132,15 @@ impl Coupled {
     ) -> Extremes {
         delta.clear();
         memory.forces.clear();
-        let lead = self.cells.lead.tilted(slope);
         memory.lead.clear();
-        memory
-            .lead
-            .extend(self.cells.across.iter().map(|&z| lead.gap(z)));
+        memory.lead.extend(self.cells.lead_gaps(slope));
         let mut extremes = Extremes {
             min: f64::INFINITY,
             max: f64::NEG_INFINITY,
         };
         for (phase, at) in self.phases.iter().zip(&self.cells.phases) {
             memory.gap.clear();
-            memory.gap.extend(
-                at.cells
-                    .iter()
-                    .map(|cell| cell.separation + cell.place.of(g) + memory.lead[cell.strip]),
-            );
+            memory.gap.extend(at.gaps(g, &memory.lead));
             let solved = memory.balance.balance(Loading {
                 stiffness: &phase.stiffness,
                 gap: &memory.gap,
@@ -221,6 +215,8 @@ impl Coupled {
 struct Approach<'a> {
     pair: &'a UnloadedPair,
     cells: &'a Cells,
+    /// Gap along the face at the strips.
+    lead: Vec<f64>,
     /// Line loads of the last phase, N/mm.
     line_loads: Vec<f64>,
     memory: active_set::Memory,
@@ -238,10 +234,7 @@ impl Approach<'_> {
         let (all, cells) = (self.cells, &phase.cells);
         let n = cells.len();
         let line = |i: usize| all.strips[cells[i].strip].line;
-        let gaps: Vec<f64> = cells
-            .iter()
-            .map(|cell| cell.separation + cell.place.of(gap) + all.lead.gap(all.across[cell.strip]))
-            .collect();
+        let gaps: Vec<f64> = phase.gaps(gap, &self.lead).collect();
         let least = gaps.iter().fold(f64::INFINITY, |least, &g| least.min(g));
         let far = least + FAR_OPEN * self.pair.geometry().normal_module;
         let is_far: Vec<bool> = gaps.iter().map(|&gap| gap > far).collect();
@@ -262,7 +255,7 @@ impl Approach<'_> {
             for (i, (touching, &w)) in phase.touching.iter().zip(&loads).enumerate() {
                 compliance.row_mut(i)[i] += self.pair.contact(touching, w) / line(i);
             }
-            stiffness = Stiffness::of(compliance, n).ok_or(NotPositive { phase: phase.phase })?;
+            stiffness = Stiffness::of(compliance).ok_or(NotPositive { phase: phase.phase })?;
             self.memory.balance(Loading {
                 stiffness: &stiffness,
                 gap: &gaps,
