@@ -3,11 +3,14 @@
 
 use crate::path::Path;
 
-/// Relative size of a Newton step after which the next one would be below rounding.
-pub(crate) const CONVERGED: f64 = 1e-9;
+/// Relative size of a Newton step after which the next one would be about as large as rounding.
+pub(crate) const CONVERGED: f64 = 1e-6;
 /// The most Newton steps. A solution takes that many only if the loaded part of the path shrinks to a
 /// point.
 pub(crate) const MAX_STEPS: usize = 100;
+/// Rounds in which extremes are sought between the phases where contact begins beyond the path: at no known
+/// phase, and within a phase step. Elsewhere one will do.
+const ROUNDS_BEYOND: usize = 3;
 
 /// Path, stiffness and load of one pair.
 #[derive(Debug, Clone)]
@@ -61,20 +64,33 @@ impl Frame {
             extremes.max = extremes.max.max(delta);
         };
         delta.iter().for_each(|&delta| meet(delta));
-        for sign in [1.0, -1.0] {
-            for (phi, guess) in self.between_phases(delta, sign).into_iter().flatten() {
-                meet(balance.at(phi, guess));
+        let (mut phases, mut values) = (self.path.phases.clone(), delta.clone());
+        let rounds = if self.path.goes_beyond() {
+            ROUNDS_BEYOND
+        } else {
+            1
+        };
+        for _ in 0..rounds {
+            let found = [1.0, -1.0].map(|sign| self.between_phases(&phases, &values, sign));
+            for (phi, guess) in found.into_iter().flatten().flatten() {
+                let solved = balance.at(phi, guess);
+                meet(solved);
+                let k = phases.partition_point(|known| *known < phi);
+                if phases.get(k) != Some(&phi) {
+                    phases.insert(k, phi);
+                    values.insert(k, solved);
+                }
             }
         }
         extremes
     }
 
-    /// Phases at which δ may exceed (sign 1) or fall below (sign −1) its values at the given phases, each
+    /// Phases at which δ may exceed (sign 1) or fall below (sign −1) its values `delta` at `phases`, each
     /// with an estimate of δ: the best vertex of a parabola through three phases around an extreme, and
     /// the best crossing of the straight lines through the two phases before and after it. The
     /// latter finds kinks, which a spur pair has where a worn pair of teeth closes.
-    fn between_phases(&self, delta: &[f64], sign: f64) -> [Option<(f64, f64)>; 2] {
-        let (phases, p) = (&self.path.phases, self.path.base_pitch);
+    fn between_phases(&self, phases: &[f64], delta: &[f64], sign: f64) -> [Option<(f64, f64)>; 2] {
+        let p = self.path.base_pitch;
         let count = phases.len();
         let mut best: [Option<(f64, f64)>; 2] = [None; 2];
         let mut offer = |kind: usize, phi: f64, value: f64| {

@@ -10,6 +10,14 @@
 use crate::geometry::Geometry;
 use crate::input::Member;
 
+/// Contact reaches beyond the path to where the tip corner is apart by this many mean deflections.
+const REACH: f64 = 2.5;
+/// Deflection per N/mm of an even load on a pair of steel teeth, mm: for the reach only.
+const TYPICAL_COMPLIANCE: f64 = 1.0 / 14_000.0;
+/// Young's modulus of the typical compliance, MPa.
+const STEEL: f64 = 206e3;
+/// The least reach, as a gap in modules.
+const LEAST_REACH: f64 = 1.0 / 300.0;
 /// Number of steps of the table of separations.
 const STEPS: usize = 60;
 /// The end of the table, in base pitches beyond the end of the path.
@@ -22,10 +30,14 @@ pub(crate) struct Beyond {
     /// Gap before the start of the path (the gear's tip corner) and after its end (the pinion's),
     /// mm along the flank's normal.
     gap: [Vec<f64>; 2],
+    /// The distances before and after the path up to which there may be contact, mm; at most
+    /// 0.6 base pitches.
+    pub(crate) reach: [f64; 2],
 }
 
 impl Beyond {
-    pub(crate) fn new(geometry: &Geometry) -> Self {
+    /// `base_force` is the load on all contact lines, N; `youngs_modulus` in MPa.
+    pub(crate) fn new(geometry: &Geometry, base_force: f64, youngs_modulus: f64) -> Self {
         let step = TABLE_END * geometry.base_pitch / STEPS as f64;
         let normal = geometry.beta_b.cos();
         let table = |member| {
@@ -33,19 +45,16 @@ impl Beyond {
                 .map(|k| normal * separation(geometry, member, step * k as f64))
                 .collect()
         };
-        Self {
-            step,
-            gap: [table(Member::Gear), table(Member::Pinion)],
-        }
-    }
-
-    /// The distances before and after the path at which the gap has grown to `limit`, mm; at most
-    /// 0.6 base pitches.
-    pub(crate) fn reach(&self, limit: f64) -> [f64; 2] {
-        self.gap.each_ref().map(|gap| {
+        let gap: [Vec<f64>; 2] = [table(Member::Gear), table(Member::Pinion)];
+        let compliance = TYPICAL_COMPLIANCE * STEEL / youngs_modulus;
+        let even = base_force / geometry.face_width * compliance;
+        let limit = (REACH * even / (0.8 * geometry.eps_alpha).max(1.0))
+            .max(LEAST_REACH * geometry.normal_module);
+        let reach = gap.each_ref().map(|gap| {
             let beyond = gap.iter().position(|&g| g > limit).unwrap_or(STEPS);
-            self.step * beyond as f64
-        })
+            step * beyond as f64
+        });
+        Self { step, gap, reach }
     }
 
     /// Gap at the distance `before` mm before the start of the path, or `after` mm after its end; zero

@@ -74,6 +74,7 @@ fn balance(frame: &Frame, lead: Lead, g: &[f64], phi: f64, pieces: &mut Vec<Piec
     let path = &frame.path;
     let w = path.window;
     pieces.clear();
+    let phi = path.first_end(phi);
     let last = ((path.s_out - path.s_in + w - phi) / path.base_pitch).ceil();
     for j in 0..=last.max(0.0) as u64 {
         let end = path.s_in + phi + j as f64 * path.base_pitch;

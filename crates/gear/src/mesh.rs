@@ -36,6 +36,8 @@ pub(crate) struct Scratch {
     pieces: Vec<Piece>,
     springs: whole_face::Memory,
     cells: coupled::Memory,
+    /// Gap at all nodes.
+    gap: Vec<f64>,
     /// δ at each phase.
     pub(crate) delta: Vec<f64>,
 }
@@ -118,11 +120,13 @@ impl Mesh {
             pieces,
             springs,
             cells,
+            gap,
             delta,
         } = scratch;
         let frame = &self.frame;
         match &self.contact {
             Contact::Slices(sums, lead) => {
+                let g = frame.path.gap_beyond(g, gap);
                 let lead = lead.tilted(slope);
                 let has_sums = lead.is_even() || lead.crowning == 0.0 && frame.path.has_lines();
                 if has_sums {
@@ -150,7 +154,7 @@ impl Mesh {
         }
     }
 
-    /// δ at any phase where no gap keeps the flanks apart; NaN for coupled ones, which know their phases
+    /// δ at any phase where no gap keeps the flanks apart and contact ends with the path; NaN for coupled ones, which know their phases
     /// only.
     pub(crate) fn unworn(&self, phi: f64, windows: &mut Vec<Window>) -> f64 {
         let phi = phi.rem_euclid(self.frame.path.base_pitch);
@@ -173,6 +177,7 @@ impl Mesh {
         peak: f64,
         is_zero_gap: bool,
     ) -> Vec<f64> {
+        let path = &self.frame.path;
         let mut windows = Vec::new();
         let mut exact = |phi: f64| self.unworn(phi, &mut windows);
         let (lead, at): (Lead, Option<&mut dyn FnMut(f64) -> f64>) = match &self.contact {
@@ -182,12 +187,13 @@ impl Mesh {
             Contact::WholeFace(teeth) => {
                 return teeth.greatest_load(&self.frame, g, &scratch.delta, is_zero_gap);
             }
-            Contact::Slices(_, lead) if is_zero_gap && lead.is_even() => (*lead, Some(&mut exact)),
+            Contact::Slices(_, lead) if is_zero_gap && lead.is_even() && !path.goes_beyond() => {
+                (*lead, Some(&mut exact))
+            }
             Contact::Slices(_, lead) => (*lead, None),
         };
-        let path = &self.frame.path;
         let greatest = if path.window >= path.base_pitch && lead.is_even() {
-            vec![peak; path.s.len()]
+            vec![peak; path.nodes().len()]
         } else {
             let function = PeriodicFunction {
                 phases: &path.phases,
@@ -201,7 +207,7 @@ impl Mesh {
             .zip(g)
             .map(|(delta, g)| (delta - g).max(0.0));
         closed
-            .zip(&self.frame.stiffness)
+            .zip(path.at_nodes(&self.frame.stiffness))
             .map(|(closed, c)| closed * c)
             .collect()
     }
@@ -219,10 +225,11 @@ impl Mesh {
             period: path.base_pitch,
         };
         let mut before = 0;
-        let nodes = path.s.iter().zip(g).zip(&self.frame.stiffness);
+        let stiffness = path.at_nodes(&self.frame.stiffness);
+        let nodes = path.nodes().iter().zip(g).zip(stiffness);
         nodes
             .map(|((s, g_here), stiffness)| {
-                let end = s - path.s_in + across * path.window;
+                let end = s - path.start + across * path.window;
                 let delta = function.between(end, &mut before);
                 match &self.contact {
                     Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),

@@ -17,7 +17,7 @@ use crate::unworn::UnwornContact;
 pub struct Pair {
     unloaded: UnloadedPair,
     pub(crate) mesh: Arc<Mesh>,
-    /// Load per length of contact line at the nodes for which the compliance holds, N/mm.
+    /// Load per length of contact line for which the compliance holds, N/mm, at all nodes.
     load: Vec<f64>,
     /// Gap of the tip relief at the nodes, mm.
     pub(crate) relief: Vec<f64>,
@@ -35,6 +35,16 @@ struct WornMesh {
     /// Whether it was made for gaps along the face that the pair does not have.
     has_strips: bool,
     mesh: Arc<Mesh>,
+}
+
+impl UnloadedPair {
+    /// Solves the contact of the unworn flanks.
+    ///
+    /// # Errors
+    /// [`Infeasible::ContactUnresolved`], with the tooth model `coupled` only.
+    pub fn load(self) -> Result<Pair, Infeasible> {
+        Pair::of(self)
+    }
 }
 
 impl Pair {
@@ -62,11 +72,11 @@ impl Pair {
         Ok(UnloadedPair::new(input, corrections, disc)?.load()?)
     }
 
-    pub(crate) fn of(unloaded: UnloadedPair) -> Result<Self, Infeasible> {
+    fn of(unloaded: UnloadedPair) -> Result<Self, Infeasible> {
         let path = unloaded.path();
         let corrections = unloaded.corrections();
         let relief: Vec<f64> = path
-            .s
+            .nodes()
             .iter()
             .map(|&s| corrections.relief_at(unloaded.geometry(), s))
             .collect();
@@ -79,7 +89,7 @@ impl Pair {
         let is_zero_gap = !corrections.has_relief();
         let carried = mesh.greatest_load(&relief, &scratch, extremes.max, is_zero_gap);
         let (input, geometry) = (unloaded.input(), unloaded.geometry());
-        let pressure = pressures(input, geometry, &mesh.frame.path.s, &carried);
+        let pressure = pressures(input, geometry, mesh.frame.path.nodes(), &carried);
         let unworn = Analysis::new(geometry, &mesh, &scratch, extremes, 0.0, &pressure);
         Ok(Self {
             unloaded,
@@ -137,9 +147,8 @@ impl Pair {
     #[must_use]
     pub fn compliance(&self, s: f64) -> f64 {
         let s = s.clamp(self.geometry().s_in, self.geometry().s_out);
-        let place = self.mesh.frame.path.place(s);
-        let (w0, w1) = (self.load[place.cell], self.load[place.cell + 1]);
-        self.compliance_under(s, w0 + place.u * (w1 - w0))
+        let load = self.mesh.frame.path.place(s).of(&self.load);
+        self.compliance_under(s, load)
     }
 
     /// Compliance q of the pair per length of contact line at `s` under the line load `load`,
@@ -155,7 +164,7 @@ impl Pair {
     /// [`pressure`](Self::pressure) is known.
     #[must_use]
     pub fn path(&self) -> &[f64] {
-        &self.mesh.frame.path.s
+        self.mesh.frame.path.nodes()
     }
 
     /// Greatest Hertz pressure over the mesh period of the unworn pair at each place of the

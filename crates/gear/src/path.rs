@@ -11,7 +11,9 @@
 //! evenly between.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
+use crate::beyond::Beyond;
 use crate::corrections::Lead;
 use crate::geometry::Geometry;
 use crate::input::Discretisation;
@@ -25,6 +27,9 @@ const SPUR_WINDOW: f64 = 1e-6;
 /// is soft: its compliance grows with the logarithm of the distance from the apex, which straight
 /// pieces of equal length miss.
 const END_HALVINGS: i32 = 4;
+
+/// Stretches beyond an end of the path have one cell for this many on it, at least two.
+const CELLS_PER_ONE_BEYOND: usize = 4;
 
 /// Nodes and phases closer than this, in base pitches, are one.
 const MERGE: f64 = 1e-9;
@@ -71,6 +76,9 @@ pub(crate) enum Touch {
 /// Path of contact and mesh period of one pair.
 #[derive(Debug, Clone)]
 pub(crate) struct Path {
+    /// Start of the path itself.
+    pub(crate) start: f64,
+    /// Where flanks may touch: the ends of the path, or places beyond them.
     pub(crate) s_in: f64,
     pub(crate) s_out: f64,
     pub(crate) base_pitch: f64,
@@ -80,7 +88,11 @@ pub(crate) struct Path {
     pub(crate) spur: bool,
     /// Nodes, increasing, from s_in to s_out.
     pub(crate) s: Vec<f64>,
-    /// Phases in mm, increasing, from 0 to below one base pitch.
+    /// Those on the path itself.
+    inner: Range<usize>,
+    /// Gap of the tip corners at all nodes, mm; empty where contact ends with the path.
+    separation: Vec<f64>,
+    /// Phases in mm from where a line reaches the path itself, increasing, from 0 to below one base pitch.
     pub(crate) phases: Vec<f64>,
     /// Number of phases without those at kinks.
     pub(crate) even_phases: usize,
@@ -92,11 +104,12 @@ pub(crate) struct Path {
 impl Path {
     /// The path and the mesh period of a pair. `soft` are places at which the compliance has a kink
     /// that steepens as it is approached from inside the path; `marks` are places at which the gap
-    /// has a kink.
+    /// has a kink. Contact goes on `beyond` the ends of the path, if that is given.
     pub(crate) fn new(
         geometry: &Geometry,
         disc: &Discretisation,
         touch: Touch,
+        beyond: Option<&Beyond>,
         soft: &[f64],
         marks: &[f64],
     ) -> Self {
@@ -170,6 +183,19 @@ impl Path {
             s.push(s_in + pair[1]);
         }
         *s.last_mut().expect("s starts with s_in") = s_out;
+        let reach = beyond.map_or([0.0; 2], |beyond| beyond.reach);
+        let mut inner = 0..s.len();
+        let mut separation = Vec::new();
+        if let Some(beyond) = beyond {
+            let cells = (disc.cells / CELLS_PER_ONE_BEYOND).max(2);
+            // A path that ends at a base circle ends there for good.
+            let counts = reach.map(|reach| if reach > 0.0 { cells } else { 0 });
+            let distance = |end: usize, k: usize| reach[end] * k as f64 / cells as f64;
+            inner = counts[0]..counts[0] + s.len();
+            s.splice(0..0, (1..=counts[0]).rev().map(|k| s_in - distance(0, k)));
+            s.extend((1..=counts[1]).map(|k| s_out + distance(1, k)));
+            separation.extend(s.iter().map(|s| beyond.gap(s_in - s, s - s_out)));
+        }
 
         let mut kinks = vec![0.0, length, window, length + window];
         let places = soft.iter().chain(&marks).chain([&pitch_point]);
@@ -204,12 +230,15 @@ impl Path {
         }
 
         let mut path = Self {
-            s_in,
-            s_out,
+            start: s_in,
+            s_in: s_in - reach[0],
+            s_out: s_out + reach[1],
             base_pitch: p,
             window,
             spur,
             s,
+            inner,
+            separation,
             phases,
             even_phases: disc.phases,
             windows: Vec::new(),
@@ -226,6 +255,53 @@ impl Path {
         path
     }
 
+    /// The nodes on the path itself.
+    pub(crate) fn nodes(&self) -> &[f64] {
+        &self.s[self.inner.clone()]
+    }
+
+    /// Values at all nodes from those on the path, of which the first and the last are held beyond it.
+    pub(crate) fn hold<T: Clone>(&self, mut values: Vec<T>) -> Vec<T> {
+        let Range { start, end } = self.inner.clone();
+        if let ([first, ..], [.., last]) = (&*values, &*values) {
+            let (first, last) = (first.clone(), last.clone());
+            values.splice(0..0, std::iter::repeat_n(first, start));
+            values.extend(std::iter::repeat_n(last, self.s.len() - end));
+        }
+        values
+    }
+
+    /// The gap at all nodes, mm, from that on the path; `memory` may be used for it.
+    pub(crate) fn gap_beyond<'a>(&self, g: &'a [f64], memory: &'a mut Vec<f64>) -> &'a [f64] {
+        let ([first, ..], [.., last], true) = (g, g, self.goes_beyond()) else {
+            return g;
+        };
+        let (before, after) = (
+            &self.separation[..self.inner.start],
+            &self.separation[self.inner.end..],
+        );
+        memory.clear();
+        memory.extend(before.iter().map(|separation| first + separation));
+        memory.extend_from_slice(g);
+        memory.extend(after.iter().map(|separation| last + separation));
+        memory
+    }
+
+    /// Whether contact goes on beyond the ends of the path.
+    pub(crate) fn goes_beyond(&self) -> bool {
+        !self.separation.is_empty()
+    }
+
+    /// Values at the nodes on the path from those at all nodes.
+    pub(crate) fn at_nodes<'a>(&self, values: &'a [f64]) -> &'a [f64] {
+        &values[self.inner.clone()]
+    }
+
+    /// Distance from `s_in` to the front end of the first line at the phase `phi`, mm.
+    pub(crate) fn first_end(&self, phi: f64) -> f64 {
+        (phi + (self.start - self.s_in)).rem_euclid(self.base_pitch)
+    }
+
     /// The windows of phase number `k`.
     pub(crate) fn windows(&self, k: usize) -> &[Window] {
         &self.windows[self.first[k]..self.first[k + 1]]
@@ -234,6 +310,7 @@ impl Path {
     /// Appends the non-empty windows at the phase `phi`, in mm.
     pub(crate) fn windows_at(&self, phi: f64, out: &mut Vec<Window>) {
         let (length, p, w) = (self.s_out - self.s_in, self.base_pitch, self.window);
+        let phi = self.first_end(phi);
         let last = ((length + w - phi) / p).ceil().max(0.0) as u64;
         // Pairs from `from` to `to` cover the whole path.
         let from = ((length - phi) / p).ceil().max(0.0) as u64;
@@ -294,7 +371,7 @@ impl Path {
         }
     }
 
-    /// The greatest value of a function of the phase over the phases at which each node is in
+    /// The greatest value of a function of the phase over the phases at which each node on the path is in
     /// contact, less the gap of the face at the place where it is touched then. `function` is
     /// interpolated linearly between its phases unless `at` gives its value at any phase. `window` is the
     /// length of a line.
@@ -315,9 +392,9 @@ impl Path {
         // the phases inside, only those are kept that no later one exceeds.
         let mut inside: VecDeque<usize> = VecDeque::new();
         let (mut entered, mut before_start, mut before_end) = (0, 0, 0);
-        let mut greatest = Vec::with_capacity(self.s.len());
-        for s in &self.s {
-            let mut start = s - self.s_in;
+        let mut greatest = Vec::with_capacity(self.inner.len());
+        for s in self.nodes() {
+            let mut start = s - self.start;
             let mut end = start + window;
             // The corner of a helical tooth touches before the pair takes load; a spur tooth has
             // no such corner, so it is judged with its whole line in contact.

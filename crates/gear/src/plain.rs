@@ -8,6 +8,8 @@ struct Slice {
     cell: usize,
     u: f64,
     stiffness: f64,
+    /// Gap of a tip corner beyond the path, mm.
+    separation: f64,
 }
 
 impl Slice {
@@ -18,6 +20,7 @@ impl Slice {
             cell,
             u: (s - nodes[cell]) / (nodes[cell + 1] - nodes[cell]),
             stiffness,
+            separation: 0.0,
         }
     }
 }
@@ -43,16 +46,23 @@ impl PlainSum {
         if pair.input().tooth_model == ToothModel::WholeFaceBeam {
             return Self::whole_face(pair, nodes, phases);
         }
+        let path = &pair.mesh.frame.path;
+        let beyond = path.goes_beyond().then(|| pair.beyond());
         let dz = g.face_width / slices as f64;
         let phases = (0..phases)
             .map(|k| {
                 let phi = g.base_pitch * k as f64 / phases as f64;
                 let mut touching = Vec::new();
                 for i in 0..slices {
-                    let mut s = g.s_in + phi - (i as f64 + 0.5) * dz * g.beta_b.tan();
-                    while s <= g.s_out {
-                        if s >= g.s_in {
-                            touching.push(Slice::new(nodes, s, dz / pair.compliance(s)));
+                    let mut s = path.s_in + phi - (i as f64 + 0.5) * dz * g.beta_b.tan();
+                    while s <= path.s_out {
+                        if s >= path.s_in {
+                            let (before, after) = (g.s_in - s, s - g.s_out);
+                            let nearest = s.clamp(g.s_in, g.s_out);
+                            touching.push(Slice {
+                                separation: beyond.as_ref().map_or(0.0, |b| b.gap(before, after)),
+                                ..Slice::new(nodes, nearest, dz / pair.compliance(nearest))
+                            });
                         }
                         s += g.base_pitch;
                     }
@@ -105,7 +115,7 @@ impl PlainSum {
             self.gaps.extend(
                 slices
                     .iter()
-                    .map(|s| gap[s.cell] + s.u * (gap[s.cell + 1] - gap[s.cell])),
+                    .map(|s| s.separation + gap[s.cell] + s.u * (gap[s.cell + 1] - gap[s.cell])),
             );
             let (mut delta, mut count) = (f64::INFINITY, usize::MAX);
             loop {

@@ -85,10 +85,7 @@ impl Sampler {
     fn new(pair: &Pair, wear: &Wear, scatter: Scatter) -> Self {
         let geometry = pair.geometry();
         let roll = Member::BOTH.map(|member| -> Vec<f64> {
-            pair.mesh
-                .frame
-                .path
-                .s
+            pair.path()
                 .iter()
                 .map(|&s| geometry.roll_angle(member, s))
                 .collect()

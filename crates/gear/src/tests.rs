@@ -63,6 +63,7 @@ fn contact_line_length_extremes() {
             &with_ratios(eps_alpha, eps_beta),
             &disc,
             Touch::Everywhere,
+            None,
             &[],
             &[],
         );
@@ -92,6 +93,7 @@ fn windows_repeat_after_a_base_pitch() {
             &with_ratios(eps_alpha, eps_beta),
             &Discretisation::default(),
             Touch::Everywhere,
+            None,
             &[],
             &[],
         );
@@ -133,7 +135,7 @@ fn nodes_and_phases_increase() {
 fn uniform_gap_shifts_the_deflection() {
     let pair = pair();
     let mut scratch = Scratch::default();
-    let nodes = pair.mesh.frame.path.s.len();
+    let nodes = pair.path().len();
     let unworn = pair.mesh.solve(&vec![0.0; nodes], &mut scratch);
     let before = scratch.delta.clone();
     let gap = 0.02;
@@ -197,7 +199,7 @@ fn newton_agrees_with_the_closed_form() {
         ..input()
     };
     let pair = Pair::new(&narrow, &Discretisation::default()).expect("feasible");
-    let nodes = pair.mesh.frame.path.s.len();
+    let nodes = pair.path().len();
     let mut scratch = Scratch::default();
     let flat = pair.mesh.solve(&vec![0.0; nodes], &mut scratch);
     let mut gap = vec![0.0; nodes];

@@ -1,11 +1,11 @@
 //! A gear pair before its contact is solved.
 
+use crate::beyond::Beyond;
 use crate::corrections::Corrections;
 use crate::error::{Error, Infeasible};
 use crate::geometry::{Geometry, Interference, Sliding};
 use crate::input::{Discretisation, InputError, Member, PairInput, ToothModel};
 use crate::involute::tangent_length;
-use crate::pair::Pair;
 use crate::path::{Path, Touch};
 use crate::tooth::Tooth;
 
@@ -114,14 +114,6 @@ impl UnloadedPair {
         })
     }
 
-    /// Solves the contact of the unworn flanks.
-    ///
-    /// # Errors
-    /// [`Infeasible::ContactUnresolved`], with the tooth model `coupled` only.
-    pub fn load(self) -> Result<Pair, Infeasible> {
-        Pair::of(self)
-    }
-
     /// The path of contact, with nodes where the compliance or a relief has a kink.
     pub(crate) fn path(&self) -> Path {
         let geometry = &self.geometry;
@@ -140,7 +132,16 @@ impl UnloadedPair {
             ToothModel::Coupled => Touch::Cells,
             _ => Touch::Everywhere,
         };
-        Path::new(geometry, &self.disc, touch, &soft, &marks)
+        // Coupled cells go beyond the path by themselves.
+        let reaches = self.input.tooth_model == ToothModel::WeberBanaschek;
+        let beyond = reaches.then(|| self.beyond());
+        Path::new(geometry, &self.disc, touch, beyond.as_ref(), &soft, &marks)
+    }
+
+    /// The contact beyond both ends of the path.
+    pub(crate) fn beyond(&self) -> Beyond {
+        let youngs = self.input.material.youngs_modulus_mpa;
+        Beyond::new(&self.geometry, self.base_force, youngs)
     }
 
     /// The input from which the pair was computed.

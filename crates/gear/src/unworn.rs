@@ -33,7 +33,7 @@ const LOAD_ROUNDS: usize = 12;
 /// The mesh of an unworn pair, and its solution over the mesh period.
 pub(crate) struct UnwornContact {
     pub(crate) mesh: Mesh,
-    /// Load per length of contact line at the nodes for which the compliance holds, N/mm.
+    /// Load per length of contact line for which the compliance holds, N/mm, at all nodes.
     pub(crate) load: Vec<f64>,
     /// Extremes of δ, mm.
     pub(crate) extremes: Extremes,
@@ -65,7 +65,8 @@ impl UnwornContact {
                 scratch,
             });
         }
-        let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| pair.node(s)).collect();
+        let nodes: Vec<NodeCompliance> = path.nodes().iter().map(|&s| pair.node(s)).collect();
+        let nodes = path.hold(nodes);
         // First guess of the line load: the force spread over the mean length of contact.
         let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
         let least_load = LEAST_LOAD * mean_load;
@@ -97,6 +98,7 @@ impl UnwornContact {
         };
         for _ in 0..rounds {
             let carried = mesh.greatest_load(relief, &scratch, extremes.max, false);
+            let carried = mesh.frame.path.hold(carried);
             let mut change = 0.0_f64;
             for (w, carried) in load.iter_mut().zip(carried) {
                 let new = carried.max(least_load);

@@ -34,12 +34,7 @@ impl Pair {
         let mut scratch = Scratch::default();
         let extremes = mesh.solve(&gap, &mut scratch);
         let carried = mesh.greatest_load(&gap, &scratch, extremes.max, false);
-        let pressure = pressures(
-            self.input(),
-            self.geometry(),
-            &self.mesh.frame.path.s,
-            &carried,
-        );
+        let pressure = pressures(self.input(), self.geometry(), self.path(), &carried);
         WornPair {
             analysis: Analysis::new(
                 self.geometry(),
@@ -93,7 +88,7 @@ impl Pair {
         let mut scratch = Scratch::default();
         let mesh = self.worn_mesh(&gap);
         mesh.solve(&gap, &mut scratch);
-        let s = &self.mesh.frame.path.s;
+        let s = self.path();
         let columns: Vec<Vec<f64>> = (0..parts)
             .map(|part| {
                 let across = (part as f64 + 0.5) / parts as f64;

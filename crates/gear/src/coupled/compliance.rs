@@ -1,6 +1,5 @@
 //! The cells of all phases and their elastic compliance: the part of the contact that wear does not change.
 
-use crate::beyond::Beyond;
 use crate::corrections::Lead;
 use crate::elasticity::{NodeCompliance, Touching};
 use crate::path::Path;
@@ -12,15 +11,6 @@ use super::body::{Body, FAR};
 use super::face::Face;
 use super::grid::{self, Cell, Strip};
 use super::matrix::Matrix;
-
-/// Contact reaches beyond the path to where the tip corner is apart by this many mean deflections.
-const REACH: f64 = 2.5;
-/// Deflection per N/mm of an even load on a pair of steel teeth, mm: for the reach only.
-const TYPICAL_COMPLIANCE: f64 = 1.0 / 14_000.0;
-/// Young's modulus of the typical compliance, MPa.
-const STEEL: f64 = 206e3;
-/// The least reach, as a gap in modules.
-const LEAST_REACH: f64 = 1.0 / 300.0;
 
 /// The cells of a pair.
 #[derive(Debug)]
@@ -86,18 +76,12 @@ impl Cells {
         let strips = grid::strips(geometry, path.even_phases, has_lead_gap);
         let middles: Vec<f64> = strips.iter().map(|strip| strip.middle).collect();
         let parts = Parts::new(pair, &middles, &nodes[nodes.len() / 2]);
-        let beyond = Beyond::new(geometry);
-        let youngs = pair.input().material.youngs_modulus_mpa;
-        let even = pair.base_force() / b * TYPICAL_COMPLIANCE * STEEL / youngs;
-        let reach = beyond.reach(
-            (REACH * even / (0.8 * geometry.eps_alpha).max(1.0))
-                .max(LEAST_REACH * geometry.normal_module),
-        );
+        let beyond = pair.beyond();
         let phases: Vec<Phase> = path
             .phases
             .iter()
             .map(|&phi| {
-                let cells = grid::cells(geometry, path, &beyond, reach, &strips, phi);
+                let cells = grid::cells(geometry, path, &beyond, &strips, phi);
                 let nodes: Vec<NodeCompliance> = cells
                     .iter()
                     .map(|cell| NodeCompliance::between(nodes, cell.place))

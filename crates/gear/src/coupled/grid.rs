@@ -66,18 +66,16 @@ pub(crate) fn strips(geometry: &Geometry, phases: usize, has_lead_gap: bool) -> 
         .collect()
 }
 
-/// The cells at the phase `phi`, mm, in the order of lines and strips. They reach `reach` mm beyond both
-/// ends of the path.
+/// The cells at the phase `phi`, mm, in the order of lines and strips.
 pub(crate) fn cells(
     geometry: &Geometry,
     path: &Path,
     beyond: &Beyond,
-    reach: [f64; 2],
     strips: &[Strip],
     phi: f64,
 ) -> Vec<Cell> {
     let (s_in, s_out, p) = (geometry.s_in, geometry.s_out, geometry.base_pitch);
-    let (least, most) = (s_in - reach[0], s_out + reach[1]);
+    let (least, most) = (s_in - beyond.reach[0], s_out + beyond.reach[1]);
     let slope = geometry.beta_b.tan();
     let first = ((least - s_in - phi) / p).floor() as i64;
     let last = ((most - s_in - phi + geometry.face_width * slope) / p).ceil() as i64;

@@ -5,7 +5,7 @@ use gear::{
 };
 use stats::streams::{Purpose, stream};
 
-use crate::support::{WEAR, balance, figure_7, linear, plain};
+use crate::support::{WEAR, balance, figure_7, linear, plain, tip_separation};
 
 pub(crate) fn corrected(input: &PairInput, corrections: &Corrections) -> Pair {
     Pair::with_corrections(input, corrections, &Discretisation::default())
@@ -52,17 +52,25 @@ pub(crate) fn slice_sum(pair: &Pair, worn: &dyn Fn(f64) -> f64, phi: f64) -> f64
     const SLICES: usize = 8000;
     let (g, corrections) = (pair.geometry(), pair.corrections());
     let dz = g.face_width / SLICES as f64;
+    let beyond = if pair.input().tooth_model == ToothModel::WeberBanaschek {
+        0.3 * g.base_pitch
+    } else {
+        0.0
+    };
     let mut slices = Vec::new();
     for k in 0..SLICES {
         let share = (k as f64 + 0.5) / SLICES as f64;
         let crown = corrections.crowning * (2.0 * share - 1.0).powi(2);
-        let mut s = g.s_in + phi - share * g.face_width * g.beta_b.tan();
-        while s <= g.s_out {
-            if s >= g.s_in {
-                let mut gap = crown + worn(s);
-                for (relief, from_tip) in
-                    corrections.tip_relief.iter().zip([g.s_out - s, s - g.s_in])
-                {
+        let mut s = g.s_in - g.base_pitch + phi - share * g.face_width * g.beta_b.tan();
+        while s <= g.s_out + beyond {
+            if s >= g.s_in - beyond {
+                let at = s.clamp(g.s_in, g.s_out);
+                let mut gap = crown + worn(at);
+                if s != at {
+                    gap += tip_separation(g, s < g.s_in, (s - at).abs());
+                }
+                let from_tips = [g.s_out - at, at - g.s_in];
+                for (relief, from_tip) in corrections.tip_relief.iter().zip(from_tips) {
                     let Some(relief) = relief else { continue };
                     if from_tip < relief.length {
                         let x = 1.0 - from_tip / relief.length;

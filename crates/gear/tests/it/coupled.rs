@@ -53,7 +53,7 @@ fn the_sign_of_a_helix_slope_matters_to_helical_gears_only() {
             (plus / with(&of(spur()), 0.0) - 1.0).abs() > 0.01,
             "{model}"
         );
-        let (plus, minus) = (with(&of(coupled()), 0.01), with(&of(coupled()), -0.01));
+        let (plus, minus) = (with(&of(coupled()), 0.02), with(&of(coupled()), -0.02));
         assert!((plus / minus - 1.0).abs() > 1e-3, "{model}: {plus} {minus}");
     }
 }

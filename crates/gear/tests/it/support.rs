@@ -1,7 +1,7 @@
 //! Builders shared by the tests.
 
 use gear::paper::{BOX, FIGURE_7, design};
-use gear::{Discretisation, Pair, PairInput};
+use gear::{Discretisation, Geometry, Pair, PairInput};
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
 
@@ -56,6 +56,32 @@ pub(crate) fn in_the_box(rng: &mut StreamRng) -> PairInput {
 pub(crate) fn linear(x: &[f64], y: &[f64], at: f64) -> f64 {
     let k = x.partition_point(|&v| v <= at).clamp(1, x.len() - 1);
     y[k - 1] + (y[k] - y[k - 1]) * (at - x[k - 1]) / (x[k] - x[k - 1])
+}
+
+/// Gap in mm of a tip corner `x` mm beyond an end of the path: the gear's before its start if `before`, else
+/// the pinion's after its end. The line of action is the horizontal axis, with the first base tangent
+/// point as origin.
+pub(crate) fn tip_separation(g: &Geometry, before: bool, x: f64) -> f64 {
+    let (own, mate, end) = if before {
+        (1, 0, g.path_length - g.s_in)
+    } else {
+        (0, 1, g.s_out)
+    };
+    let turn = |[x, y]: [f64; 2], axis: [f64; 2], angle: f64| {
+        let ((sin, cos), [x, y]) = (angle.sin_cos(), [x - axis[0], y - axis[1]]);
+        [axis[0] + x * cos - y * sin, axis[1] + x * sin + y * cos]
+    };
+    // Both gears turn on until the corner has moved by x along its base circle.
+    let corner = turn([end, 0.0], [0.0, -g.r_b[own]], -x / g.r_b[own]);
+    let (axis, r_b) = ([g.path_length, g.r_b[mate]], g.r_b[mate]);
+    let corner = turn(corner, axis, -x / r_b);
+    // The point of the mate's flank that is as far from its axis, at the moment when the flank touched last.
+    let radius = (corner[0] - axis[0]).hypot(corner[1] - axis[1]);
+    let left = (radius * radius - r_b * r_b).max(0.0).sqrt();
+    let touched = [g.path_length - left, 0.0];
+    let flank = turn(touched, axis, (left - (g.path_length - end)) / r_b);
+    let apart = (flank[0] - corner[0]).hypot(flank[1] - corner[1]);
+    apart * r_b / radius * g.beta_b.cos()
 }
 
 /// δ in mm at which slices of the given gap (mm) and stiffness (N/mm) carry `force` together, by
