@@ -102,7 +102,8 @@ pub enum ToothModel {
     Coupled,
     /// Beam bending and a constant Hertz compliance. Several times stiffer than real teeth.
     HertzBeam,
-    /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach.
+    /// Bending, shear, compression, elastic foundation and Weber's load-dependent approach, slice by slice, with
+    /// contact beyond the ends of the path.
     WeberBanaschek,
     /// The beams and the contact of `"hertz-beam"`, but each tooth is one beam over
     /// the whole face: a line of contact that covers the share f of the face b has the compliance

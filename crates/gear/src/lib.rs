@@ -94,8 +94,8 @@
 //!
 //! # What is left out, and when that matters
 //! - **Thin rims, webs and shafts** need finite elements: bodies are solid.
-//! - **Coupling of slices** with all models but `coupled`: without it ΔSTE is 28 % from finite elements
-//!   in the median, and nearly zero at an integer overlap ratio, where it is not. Teeth are beams on an elastic
+//! - **Coupling of slices** with all models but `coupled`: without it ΔSTE is 19 % from finite elements
+//!   in the median at best, and zero at an integer overlap ratio, where it is not. Teeth are beams on an elastic
 //!   half-plane (`weber-banaschek`) or beams alone (`hertz-beam`).
 //! - **Load history in the compliance**: with `weber-banaschek` the contact's approach is that of the
 //!   greatest load that the unworn pair carries at s. Wear moves load, but the approach changes only
@@ -103,9 +103,8 @@
 //! - **Dynamics, friction, pitch errors**: the transmission error is static. Near a resonance the dynamic
 //!   one differs. Of manufacture only the slopes of profiles and helices are known, the same on all teeth of
 //!   a gear, and the misalignment of the shafts ([`Scatter`]).
-//! - **Contact outside the line of action** of tips that engage early under load, with all models but
-//!   `coupled`: `hertz-beam` is stiff enough not to show it; with soft teeth it lengthens the path of
-//!   contact.
+//! - **Contact beyond the ends of the path**, of tips that engage early under load, with the models of the
+//!   paper: teeth as stiff as theirs hardly show it.
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 

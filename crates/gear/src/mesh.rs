@@ -216,9 +216,16 @@ impl Mesh {
     /// from 0 to 1, in N/mm, for the gap `g` whose solution is in `scratch`.
     pub(crate) fn load_across(&self, g: &[f64], scratch: &Scratch, across: f64) -> Vec<f64> {
         let path = &self.frame.path;
-        if let Contact::Coupled(coupled) = &self.contact {
-            return coupled.load_across(&scratch.cells, across, &path.s);
-        }
+        // The load of a place from the line's front end, δ, the gap and the stiffness.
+        let load: &dyn Fn(f64, f64, f64, f64) -> f64 = match &self.contact {
+            Contact::Coupled(coupled) => {
+                return coupled.load_across(&scratch.cells, across, &path.s);
+            }
+            Contact::WholeFace(teeth) => &|end, delta, _, _| teeth.load(&self.frame, g, end, delta),
+            Contact::Slices(_, lead) => {
+                &|_, delta, gap, stiffness| (delta - gap - lead.gap(across)).max(0.0) * stiffness
+            }
+        };
         let function = PeriodicFunction {
             phases: &path.phases,
             values: &scratch.delta,
@@ -228,17 +235,9 @@ impl Mesh {
         let stiffness = path.at_nodes(&self.frame.stiffness);
         let nodes = path.nodes().iter().zip(g).zip(stiffness);
         nodes
-            .map(|((s, g_here), stiffness)| {
+            .map(|((s, &gap), &stiffness)| {
                 let end = s - path.start + across * path.window;
-                let delta = function.between(end, &mut before);
-                match &self.contact {
-                    Contact::WholeFace(teeth) => teeth.load(&self.frame, g, end, delta),
-                    Contact::Slices(_, lead) => {
-                        (delta - g_here - lead.gap(across)).max(0.0) * stiffness
-                    }
-                    // Answered above.
-                    Contact::Coupled(_) => f64::NAN,
-                }
+                load(end, function.between(end, &mut before), gap, stiffness)
             })
             .collect()
     }

@@ -1,11 +1,15 @@
-//! The tooth models against finite elements: 288 load cases of 24 pairs that no constant was fitted to.
+//! The tooth models against finite elements: 288 load cases of 24 pairs that no constant was fitted to, and
+//! 264 cases of 22 pairs that no choice was made with either.
 //!
-//! The cases are in `data/contact.json`. Spur and helical pairs, bare, relieved, worn (evenly by
-//! Archard's law or at random), misaligned and crowned, at 25 to 150 % of the load 100 m N/mm. Finite
-//! elements: 27-node bricks, a sector of 11 teeth of each gear, solid bodies clamped 3.5 modules below
-//! the root, contact beyond the ends of the path; checked against CalculiX and against a formulation
-//! that meshes the contact itself, from which they differ by 1 % in ΔSTE (8 % for the narrowest helical
-//! pair).
+//! Spur and helical pairs, bare, relieved, worn (evenly by Archard's law or at random), misaligned and crowned, at
+//! 25 to 150 % of the load 100 m N/mm. Finite elements: 27-node bricks, a sector of 11 teeth of each gear, solid
+//! bodies clamped 3.5 modules below the root, contact beyond the ends of the path; checked against CalculiX and
+//! against a formulation that meshes the contact itself, from which they differ by 1 % in ΔSTE (8 % for the
+//! narrowest helical pair).
+//!
+//! The 288 cases are in `data/contact.json`, the others in `data/unseen.json`; ten of their pairs were drawn at
+//! random when the model was complete. A second program of the same elements computed them. On the 288 cases it is
+//! within 0.021 µm of the first one's ΔSTE, and within 1.2 % at the 95th percentile.
 
 use gear::{
     Analysis, Corrections, Discretisation, Material, Member, Pair, PairInput, ReliefShape, Size,
@@ -14,6 +18,7 @@ use gear::{
 use serde::Deserialize;
 
 const DATA: &str = include_str!("../data/contact.json");
+const UNSEEN: &str = include_str!("../data/unseen.json");
 const YOUNGS_MODULUS_MPA: f64 = 206e3;
 const POISSON_RATIO: f64 = 0.3;
 
@@ -60,13 +65,10 @@ struct Load {
     delta_ste_um: f64,
     mean_ste_um: f64,
     pressure_mpa: f64,
-    /// Estimated error of the finite elements in ΔSTE.
-    #[expect(dead_code, reason = "kept with the data")]
-    error_um: f64,
 }
 
 /// The classes of cases, in the order of tables.
-pub const CLASSES: [&str; 9] = [
+pub const CLASSES: [&str; 10] = [
     "all",
     "spur",
     "helical",
@@ -76,7 +78,11 @@ pub const CLASSES: [&str; 9] = [
     "misaligned",
     "crowned",
     "integer overlap",
+    UNSEEN_PAIRS,
 ];
+
+/// The class of the pairs that no choice was made with, which belong to no other one.
+const UNSEEN_PAIRS: &str = "unseen pairs";
 
 /// A load case, ready for any tooth model.
 #[derive(Debug, Clone)]
@@ -107,15 +113,19 @@ pub struct Difference {
 /// Never: the data are a part of this program.
 #[must_use]
 pub fn cases() -> Vec<Case> {
-    let entries: Vec<Entry> = serde_json::from_str(DATA).expect("the data are valid");
-    entries
-        .iter()
-        .flat_map(|entry| entry.cases.iter().map(|load| Case::new(entry, load)))
-        .collect()
+    let of = |data, is_unseen| {
+        let entries: Vec<Entry> = serde_json::from_str(data).expect("the data are valid");
+        let case = |entry: &Entry, load| Case::new(entry, load, is_unseen);
+        let cases = entries
+            .iter()
+            .map(|entry| entry.cases.iter().map(|load| case(entry, load)));
+        cases.flatten().collect::<Vec<Case>>()
+    };
+    [of(DATA, false), of(UNSEEN, true)].concat()
 }
 
 impl Case {
-    fn new(entry: &Entry, load: &Load) -> Self {
+    fn new(entry: &Entry, load: &Load, is_unseen: bool) -> Self {
         let m = entry.normal_module_mm;
         let helical = entry.helix_angle_deg > 0.0;
         let overlap = entry.face_width_mm * entry.helix_angle_deg.to_radians().sin()
@@ -125,6 +135,9 @@ impl Case {
         classes.push(if helical { "helical" } else { "spur" }.to_owned());
         if overlap > 0.5 && (overlap - overlap.round()).abs() < 0.02 {
             classes.push("integer overlap".to_owned());
+        }
+        if is_unseen {
+            classes = vec![UNSEEN_PAIRS.to_owned()];
         }
         let mut corrections = Corrections::default()
             .with_crowning(1e-3 * load.crowning_um.unwrap_or_default())
@@ -233,7 +246,7 @@ mod tests {
     /// the pressure, %.
     fn errors(grid: &Discretisation, class: &str) -> [f64; 4] {
         let cases = cases();
-        assert_eq!(cases.len(), 288);
+        assert_eq!(cases.len(), 288 + 264);
         let found: Vec<Difference> = cases
             .iter()
             .filter(|case| case.is(class))
@@ -249,11 +262,13 @@ mod tests {
 
     #[test]
     fn coupled_cells_agree_with_finite_elements() {
-        let [median, most, mean, pressure] =
-            errors(&Discretisation::of(ToothModel::Coupled), "all");
-        assert!(median < 4.0, "{median} %");
-        assert!(most < 15.0, "{most} %");
-        assert!(mean < 6.0, "{mean} %");
-        assert!(pressure < 12.0, "{pressure} %");
+        for class in ["all", UNSEEN_PAIRS] {
+            let [median, most, mean, pressure] =
+                errors(&Discretisation::of(ToothModel::Coupled), class);
+            assert!(median < 4.0, "{class}: {median} %");
+            assert!(most < 15.0, "{class}: {most} %");
+            assert!(mean < 6.0, "{class}: {mean} %");
+            assert!(pressure < 12.0, "{class}: {pressure} %");
+        }
     }
 }

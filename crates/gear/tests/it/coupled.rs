@@ -1,6 +1,7 @@
 //! The tooth model of coupled cells, and gaps along the face with any model. The crate `lab` compares it
 //! with finite elements.
 
+use gear::paper;
 use gear::{
     Corrections, Discretisation, Error, FlankClass, Kernel, Pair, PairInput, Scatter, ToothModel,
     Wear, WearLaw,
@@ -170,4 +171,114 @@ fn a_face_of_many_pitches_is_refused() {
         matches!(&refused, Error::Input(error) if error.field == "face_width"),
         "{refused}"
     );
+}
+
+/// Designs drawn at random from the paper's box, free of interference, with ΔSTE of finite elements in µm, new
+/// and worn by [`paper::WEAR`]. They are those of the crate `lab`: solid bodies, contact beyond the path.
+const BOX_DESIGNS: [([f64; 6], f64, f64); 16] = [
+    (
+        [0.8121, -0.7050, 1.4730, 1.2726, 1.0933, 1.1795],
+        23.56,
+        23.21,
+    ),
+    (
+        [0.1517, 1.7779, 1.4536, 1.6292, 0.8093, 1.3116],
+        15.22,
+        15.45,
+    ),
+    (
+        [0.0899, 1.1947, 1.6735, 1.4411, 0.8522, 1.3287],
+        18.26,
+        18.23,
+    ),
+    (
+        [1.0314, 1.5656, 1.6128, 1.6427, 1.0279, 1.0187],
+        12.91,
+        11.01,
+    ),
+    (
+        [-0.8029, 1.1620, 1.0811, 1.6178, 1.2292, 0.9218],
+        24.11,
+        23.45,
+    ),
+    (
+        [1.8792, 0.3793, 1.5687, 1.4649, 1.1540, 0.8604],
+        13.20,
+        13.49,
+    ),
+    (
+        [0.6608, -0.3732, 1.2694, 1.4634, 1.0641, 1.1324],
+        21.38,
+        20.38,
+    ),
+    (
+        [0.4942, 1.7309, 1.6484, 1.6209, 1.1451, 0.9104],
+        15.89,
+        14.28,
+    ),
+    (
+        [1.8677, -0.3137, 1.6732, 1.1984, 1.5641, 0.9668],
+        15.75,
+        15.80,
+    ),
+    (
+        [1.1019, -0.9735, 1.5402, 1.1765, 0.8641, 0.8612],
+        25.98,
+        24.41,
+    ),
+    (
+        [-0.1391, -0.1116, 1.4002, 1.1807, 1.0557, 1.3794],
+        5.36,
+        5.99,
+    ),
+    (
+        [0.7127, -0.7888, 1.1395, 1.2084, 1.0372, 0.8802],
+        21.97,
+        21.18,
+    ),
+    (
+        [0.8061, -0.3035, 1.4498, 1.4201, 1.1704, 0.9002],
+        19.86,
+        19.77,
+    ),
+    (
+        [0.2595, -0.2685, 1.3144, 1.3822, 1.1483, 0.9383],
+        19.49,
+        18.60,
+    ),
+    ([0.0795, 0.8930, 1.5228, 1.6569, 1.3575, 1.3911], 7.91, 8.22),
+    (
+        [-0.3635, 1.0801, 1.1886, 1.6090, 0.8313, 1.1012],
+        18.85,
+        18.94,
+    ),
+];
+
+/// The model ranks designs as finite elements do, though most of these profile shifts are outside its range.
+#[test]
+fn designs_are_ranked_as_finite_elements_rank_them() {
+    let spearman = |tooth_model: ToothModel| {
+        let found = BOX_DESIGNS.map(|(variables, _, _)| {
+            let input = PairInput {
+                tooth_model,
+                ..paper::design(variables)
+            };
+            let pair = Pair::new(&input, &Discretisation::of(tooth_model)).unwrap();
+            let worn = pair.archard(&paper::WEAR).analysis;
+            [pair.unworn().delta_ste_um, worn.delta_ste_um]
+        });
+        let rank = |state: usize, expected: &[f64]| {
+            stats::spearman(&found.map(|both| both[state]), expected).unwrap()
+        };
+        [
+            rank(0, &BOX_DESIGNS.map(|(_, new, _)| new)),
+            rank(1, &BOX_DESIGNS.map(|(_, _, worn)| worn)),
+        ]
+    };
+    let (coupled, slices) = (
+        spearman(ToothModel::Coupled),
+        spearman(ToothModel::HertzBeam),
+    );
+    assert!(coupled.iter().all(|rank| *rank > 0.97), "{coupled:?}");
+    assert!(slices.iter().all(|rank| *rank < 0.8), "{slices:?}");
 }

@@ -90,12 +90,12 @@ fn deviated_pairs_agree_with_a_slice_sum() {
             // Slices are balanced above zero: a constant changes no ΔSTE.
             let gap =
                 |s: f64| 0.02 + 2.0 * linear(&worn.s, &worn.depth[0], s) + slope_gap(&pair, f, s);
-            let ste: Vec<f64> = (0..160)
+            let ste: Vec<f64> = (0..96)
                 .map(|k| {
                     slice_sum(
                         &pair,
                         &gap,
-                        f64::from(k) / 160.0 * pair.geometry().base_pitch,
+                        f64::from(k) / 96.0 * pair.geometry().base_pitch,
                     )
                 })
                 .collect();
