@@ -211,14 +211,14 @@ impl<'a> Simulation<'a> {
         let slots = self.scenario.slots as usize;
         let worker = &mut self.workers[number as usize];
         worker.asks = false;
-        let Some((leases, seconds)) = worker.wanted(slots) else {
+        let Some(demand) = worker.wanted(slots) else {
             return;
         };
         let (name, life) = (worker.name.clone(), worker.life);
         self.plan();
         let (grants, bytes) = self.coordinate(|ledger, now| {
             let (mut grants, mut worth) = (Vec::new(), 0.0);
-            while grants.len() < leases && (grants.is_empty() || worth < seconds) {
+            while grants.len() < demand.leases && (grants.is_empty() || worth < demand.seconds) {
                 let Some(grant) = ledger.lease(&name, now) else {
                     break;
                 };

@@ -3,13 +3,7 @@
 use std::collections::VecDeque;
 
 use ledger::{LeaseId, Unit, WorkerId};
-
-/// Seconds of work to hold per slot.
-const HELD_SECONDS: f64 = 2.0;
-/// The worker asks for more leases when less than this share of the work is left.
-const LOW: f64 = 0.75;
-/// Maximum number of leases per slot.
-const HELD_LEASES: usize = 2000;
+use runner::worker::LeaseDemand;
 
 /// A lease of a worker.
 #[derive(Debug, Clone)]
@@ -58,13 +52,9 @@ impl Worker {
         self.computing.iter().chain(&self.waiting)
     }
 
-    /// The maximum leases and seconds to ask for; none while the worker has enough.
-    pub(crate) fn wanted(&self, slots: usize) -> Option<(usize, f64)> {
-        let held = self.held().count();
-        let worth: f64 = self.held().map(|held| held.seconds).sum();
-        let (leases, seconds) = (HELD_LEASES * slots, HELD_SECONDS * slots as f64);
-        let is_low = worth < LOW * seconds && (held as f64) < LOW * leases as f64;
-        (held < slots || is_low).then_some((leases - held, seconds - worth))
+    /// How much work to ask for; none while the worker has enough.
+    pub(crate) fn wanted(&self, slots: usize) -> Option<LeaseDemand> {
+        LeaseDemand::of(slots, self.held().map(|held| held.seconds))
     }
 
     /// The leases for a heartbeat, each with whether it is being computed.

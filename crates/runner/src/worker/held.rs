@@ -14,27 +14,8 @@ use ledger::{LeaseId, Unit};
 use problem::task::Source;
 use tokio::sync::Notify;
 
+use super::demand::LeaseDemand;
 use outbox::Outbox;
-
-/// Seconds of work to hold per slot, including the job that is being computed: enough to make the
-/// time of round trips negligible. Long jobs are not prefetched: another worker may have a free
-/// slot.
-const HELD_SECONDS: f64 = 2.0;
-
-/// The worker asks for more leases when less than this share of the work is left.
-const LOW: f64 = 0.75;
-
-/// Maximum number of leases per slot.
-const HELD_LEASES: usize = 2000;
-
-/// The amount of work to ask for.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct LeaseDemand {
-    /// Maximum number of leases.
-    pub(crate) leases: usize,
-    /// Expected time of the leases, in seconds, after which no more are needed.
-    pub(crate) seconds: f64,
-}
 
 /// A lease read from a response.
 #[derive(Debug)]
@@ -259,18 +240,8 @@ impl HeldLeases {
             if inner.outbox.is_full() || inner.outbox.has_restored() {
                 return None;
             }
-            let held = inner.computing.len();
-            let worth: f64 = inner
-                .computing
-                .values()
-                .map(|held| held.lease.seconds)
-                .sum();
-            let (leases, seconds) = (HELD_LEASES * slots, HELD_SECONDS * slots as f64);
-            let is_low = worth < LOW * seconds && (held as f64) < LOW * leases as f64;
-            (held < slots || is_low).then(|| LeaseDemand {
-                leases: leases - held,
-                seconds: seconds - worth,
-            })
+            let held = inner.computing.values();
+            LeaseDemand::of(slots, held.map(|held| held.lease.seconds))
         })
     }
 

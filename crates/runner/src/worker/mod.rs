@@ -12,11 +12,13 @@
 )]
 
 mod backoff;
+mod demand;
 mod error;
 mod exec;
 mod held;
 mod work;
 
+pub use demand::LeaseDemand;
 pub use error::Error;
 pub use exec::{Exec, FileMode, SimulatorArguments};
 pub use work::{Options, Summary, Worker};

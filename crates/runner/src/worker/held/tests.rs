@@ -178,22 +178,3 @@ fn what_nobody_acknowledges_keeps_the_worker_from_asking_for_more() {
     held.acknowledge(&held.results(ANY).0);
     assert!(held.wanted(2).is_some());
 }
-
-#[test]
-fn the_shorter_the_leases_the_more_are_held_ahead() {
-    let held = |leases: u64, seconds: f64| {
-        let held = HeldLeases::default();
-        for number in 0..leases {
-            held.take(&lease(number, seconds));
-        }
-        held.wanted(2)
-    };
-    let wanted = |leases, seconds| Some(LeaseDemand { leases, seconds });
-    assert_eq!(held(0, 0.0), wanted(4000, 4.0));
-    assert_eq!(held(2, 1.0), wanted(3998, 2.0));
-    assert_eq!(held(4, 1.0), None);
-    assert_eq!(held(1, 3600.0), wanted(3999, -3596.0), "a slot is free");
-    assert_eq!(held(2, 3600.0), None, "somebody else may have a slot free");
-    assert_eq!(held(2500, 1e-6), wanted(1500, 4.0 - 0.0025));
-    assert_eq!(held(3500, 1e-6), None, "they are asked for by the handful");
-}
