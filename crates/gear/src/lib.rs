@@ -130,6 +130,7 @@ mod outline;
 mod pair;
 pub mod paper;
 mod path;
+mod periodic;
 mod plain;
 mod quadrature;
 pub mod rating;

@@ -12,7 +12,8 @@
 
 use crate::balance::{Balance, Frame, not_negative};
 use crate::corrections::Lead;
-use crate::path::{Line, Path, PeriodicFunction, Place, Window};
+use crate::path::{Line, Path, Place, Window};
+use crate::periodic::PeriodicFunction;
 
 /// The springs of one pair of gears.
 #[derive(Debug, Clone)]
