@@ -15,7 +15,7 @@ const MOST_CROWNED_PAIRS: f64 = 100.0;
 const MOST_OVERLAP: f64 = 8.0;
 
 /// The geometry and the teeth of a gear pair, with the figures that need no contact: sliding, interference and
-/// root stress. It costs a fraction of a [`Pair`], and tells whether a design is worth one.
+/// root stress. It costs a fraction of a [`Pair`](crate::Pair), and tells whether a design is worth one.
 #[derive(Debug, Clone)]
 pub struct UnloadedPair {
     input: PairInput,

@@ -105,14 +105,19 @@ impl<'a> View<'a> {
     pub fn chart(&self) -> TradeoffChart {
         let rows = self.rows();
         let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
+        // A method that is missing here keeps its place, so that all panels give a method the same colour.
         let mut series: Vec<TradeoffSeries> = Vec::new();
-        for (row, point) in rows.iter().zip(&points) {
-            match series.iter_mut().find(|one| one.name == row.method) {
-                Some(one) => one.points.push(*point),
-                None => series.push(TradeoffSeries {
+        for row in &self.table.rows {
+            let at = series.iter().position(|one| one.name == row.method);
+            let at = at.unwrap_or_else(|| {
+                series.push(TradeoffSeries {
                     name: row.method.clone(),
-                    points: vec![*point],
-                }),
+                    points: Vec::new(),
+                });
+                series.len() - 1
+            });
+            if row.panel == self.panel {
+                series[at].points.push(self.point(row));
             }
         }
         let own = rows.iter().zip(&points).filter(|(row, _)| row.is_campaign);

@@ -14,7 +14,7 @@ const COLOURS: usize = 6;
 pub struct TradeoffSeries {
     /// The entry in the legend.
     pub name: String,
-    /// Cost and error of its settings.
+    /// Cost and error of its settings. Without any it is left out, but keeps its colour.
     pub points: Vec<[f64; 2]>,
 }
 
@@ -58,14 +58,19 @@ pub fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
         1,
         chart.front.clone(),
     )];
-    series.extend(chart.series.iter().enumerate().map(|(i, one)| {
-        let mark = if i < COLOURS {
-            Mark::Points
-        } else {
-            Mark::Rings
-        };
-        marked(&one.name, mark, i % COLOURS, one.points.clone())
-    }));
+    let methods = chart.series.iter().enumerate();
+    series.extend(
+        methods
+            .filter(|(_, one)| !one.points.is_empty())
+            .map(|(i, one)| {
+                let mark = if i < COLOURS {
+                    Mark::Points
+                } else {
+                    Mark::Rings
+                };
+                marked(&one.name, mark, i % COLOURS, one.points.clone())
+            }),
+    );
     series.push(marked(
         "campaign",
         Mark::Halo(6.5),
@@ -98,16 +103,23 @@ mod tests {
             title: "A".to_owned(),
             cost: "µs a sample".to_owned(),
             error: "error, %".to_owned(),
-            series: vec![TradeoffSeries {
-                name: "grid".to_owned(),
-                points: vec![[1.0, 2.0], [2.0, 1.0], [3.0, 1.5]],
-            }],
+            series: vec![
+                TradeoffSeries {
+                    name: "elsewhere".to_owned(),
+                    points: Vec::new(),
+                },
+                TradeoffSeries {
+                    name: "grid".to_owned(),
+                    points: vec![[1.0, 2.0], [2.0, 1.0], [3.0, 1.5]],
+                },
+            ],
             front: vec![[1.0, 2.0], [2.0, 1.0]],
             campaign: vec![[3.0, 1.5]],
             recommended: Some([2.0, 1.0]),
             recommendation: String::new(),
         };
         let svg = tradeoff(&chart).unwrap().standalone();
+        assert!(!svg.contains("elsewhere"), "a method without settings");
         for name in ["Pareto front", "grid", "campaign", "recommended"] {
             assert!(svg.contains(name), "no {name}");
         }
