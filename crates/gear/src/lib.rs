@@ -21,6 +21,7 @@
 //! load, Σ_j ∫ w dz = F_bt over the pairs j in contact. As slice and place are tied along a contact
 //! line, s = s_in + φ + j p_bt − z tan β_b, the integral over the face is an integral over the path,
 //! and a wear sample costs one prefix sum over the path plus a few Newton steps at each mesh phase.
+//! With `weber-banaschek`, as with `coupled`, contact goes on beyond the ends of the path (`beyond`).
 //! 1/q and g are linear in each cell of the path; their product and the ends of the contact inside a
 //! cell are integrated exactly, and nodes and phases lie on the kinks. The transmission error is
 //! δ/cos β_b, and ΔSTE its range over one base pitch.
