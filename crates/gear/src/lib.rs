@@ -41,9 +41,8 @@
 //! | 256 × 128 | 0.002, 0.01 / 0.003, 0.008 | 0.001, 0.007 / 0.003, 0.007 | 269 / 525 | 22 / 38 |
 //! | plain 64 × 21 sum | 1.51, 5.52 / 0.17, 0.47 | 0.51, 2.59 / 0.13, 0.40 | 824 / 1270 | 6.2 / 9.7 |
 //!
-//! In one run with `hertz-beam` at 5.8 µs a sample, the default grid errs with `prismatic-beam` by
-//! 0.02, 0.12 unworn and 0.03, 0.14 worn and takes 4.9 µs, and with `whole-face-beam` by 0.02, 0.12
-//! and 0.01, 0.06 and takes 2.4 µs.
+//! In the same run the default grid errs with `prismatic-beam` by 0.02, 0.12 unworn and 0.01, 0.13 worn
+//! and takes 7.4 µs, and with `whole-face-beam` by 0.02, 0.12 and 0.01, 0.15 and takes 2.7 µs.
 //!
 //! The plain sum ([`PlainSum`]) leaves out the drawing of its random field. The default is 64 × 32.
 //! `coordinator tradeoff` measures the whole table on the machine where it runs, and draws it.

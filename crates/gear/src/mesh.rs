@@ -155,8 +155,8 @@ impl Mesh {
         }
     }
 
-    /// δ at any phase where no gap keeps the flanks apart and contact ends with the path; NaN for coupled ones, which know their phases
-    /// only.
+    /// δ at any phase where no gap keeps the flanks apart and contact ends with the path; NaN for coupled
+    /// ones, which know their phases only.
     pub(crate) fn unworn(&self, phi: f64, windows: &mut Vec<Window>) -> f64 {
         let phi = phi.rem_euclid(self.frame.path.base_pitch);
         match &self.contact {

@@ -68,7 +68,7 @@ impl Path {
             // no such corner, so it is judged with its whole line in contact.
             if self.spur {
                 start = start.max(window);
-                end = end.min(self.s_out - self.s_in);
+                end = end.min(self.s_out - self.start);
             }
             let [at_start, at_end] = match &mut at {
                 Some(at) => [at(start), at(end)],

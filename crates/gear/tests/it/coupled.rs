@@ -174,7 +174,7 @@ fn a_face_of_many_pitches_is_refused() {
 }
 
 /// Designs drawn at random from the paper's box, free of interference, with ΔSTE of finite elements in µm, new
-/// and worn by [`paper::WEAR`]. They are those of the crate `lab`: solid bodies, contact beyond the path.
+/// and worn by [`paper::WEAR`]. The elements are those of the cases in the crate `lab`.
 const BOX_DESIGNS: [([f64; 6], f64, f64); 16] = [
     (
         [0.8121, -0.7050, 1.4730, 1.2726, 1.0933, 1.1795],
