@@ -77,13 +77,13 @@ CREATE TABLE sample_block (
     PRIMARY KEY (stream, first_sample)
 ) STRICT, WITHOUT ROWID;
 
--- The percentile of each design's samples, at the campaign's level.
+-- The measure of each design's samples: what the campaign optimises, such as their percentile at a level.
 CREATE TABLE response (
     design              INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
     mean                REAL    NOT NULL,
     standard_deviation  REAL    NOT NULL,
-    percentile          REAL    NOT NULL,
-    percentile_variance REAL    NOT NULL,
+    measure             REAL    NOT NULL,
+    measure_variance    REAL    NOT NULL,
     lilliefors_p        REAL,
     seal                INTEGER NOT NULL
 ) STRICT;

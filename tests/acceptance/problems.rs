@@ -128,7 +128,7 @@ fn a_direct_search_finds_ishigamis_least_percentile() {
 #[test]
 fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
     let sandbox = Sandbox::new();
-    let level = ("[sampling]\n", "[sampling]\nlevel = 0.99\n");
+    let level = ("level = 0.9 ", "level = 0.99 ");
     let (file, exec) = ishigami(&sandbox, &[level, SHORT]);
     let run = [
         "run", &file, "--db", "i.db", "--out", "report", "--exec", &exec,
@@ -163,7 +163,7 @@ fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
     );
     let said = errors(&refused);
     assert!(
-        said.contains("they differ in sampling.level: 0.99 there, 0.95 here"),
+        said.contains("they differ in objective.level: 0.99 there, 0.95 here"),
         "{said}"
     );
 }

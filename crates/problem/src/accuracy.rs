@@ -14,7 +14,7 @@ use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
 use crate::file::{
-    Campaign, ControlVariate, FileError, Form, PercentileRule, Sampling, Source, WearCoefficients,
+    Campaign, ControlVariate, EstimatorRule, FileError, Form, Sampling, Source, WearCoefficients,
 };
 use crate::formulation::Problem;
 
@@ -27,7 +27,7 @@ pub const PERCENTILE_TABLE: &str = include_str!("../data/percentile.csv");
 /// The estimators that a campaign can ask for, by the names of their keys.
 pub const ESTIMATORS: [Estimator; 6] = {
     use ControlVariate::{Linearised, None};
-    use PercentileRule::{Chosen, Normal, Paper};
+    use EstimatorRule::{Chosen, Normal, Paper};
     use WearCoefficients::{Antithetic, Independent, QuasiRandom};
     [
         Estimator::new("paper", Paper, None, Independent),
@@ -44,8 +44,8 @@ pub const ESTIMATORS: [Estimator; 6] = {
 pub struct Estimator {
     /// The name in the tables.
     pub name: &'static str,
-    /// `percentile`
-    pub percentile: PercentileRule,
+    /// `estimator`
+    pub rule: EstimatorRule,
     /// `control`
     pub control: ControlVariate,
     /// `coefficients`
@@ -55,13 +55,13 @@ pub struct Estimator {
 impl Estimator {
     const fn new(
         name: &'static str,
-        percentile: PercentileRule,
+        rule: EstimatorRule,
         control: ControlVariate,
         coefficients: WearCoefficients,
     ) -> Self {
         Self {
             name,
-            percentile,
+            rule,
             control,
             coefficients,
         }
@@ -74,7 +74,7 @@ impl Estimator {
             .gears()
             .is_some_and(|sections| sections.manufacture.is_some());
         (campaign.enrichment.is_none() || is_independent)
-            && (!has_long_tail || self.percentile == PercentileRule::Chosen)
+            && (!has_long_tail || self.rule == EstimatorRule::Chosen)
     }
 }
 
@@ -174,12 +174,16 @@ impl CampaignFile {
                 "samples_per_design",
                 "precision",
                 "samples_max",
-                "percentile",
+                "estimator",
                 "control",
                 "coefficients",
                 "group",
-                "level",
             ],
+            key,
+        )?;
+        source.leaves_to(
+            "objective",
+            &["measure", "level", "k", "limit"],
             "accuracy.tolerance_um, which chooses the estimator of the 90 % percentile",
         )?;
         source.positive(key, tolerance_um)?;
@@ -190,14 +194,14 @@ impl CampaignFile {
         let choice = choice(&campaign, tolerance_um)
             .map_err(|expected| source.refuse(key, tolerance_um, expected))?;
         let Estimator {
-            percentile,
+            rule,
             control,
             coefficients,
             ..
         } = choice.estimator;
         campaign.sampling = Sampling {
             samples_per_design: choice.samples,
-            percentile: Some(percentile),
+            estimator: Some(rule),
             control,
             coefficients,
             ..campaign.sampling
@@ -408,7 +412,7 @@ mod tests {
     fn text(tolerance_um: f64) -> String {
         Campaign::PAPER
             .replacen("samples_per_design = 30", "", 1)
-            .replacen("percentile = \"paper\"", "", 1)
+            .replacen("estimator = \"paper\"", "", 1)
             + &format!("\n[accuracy]\ntolerance_um = {tolerance_um}\n")
     }
 
@@ -496,7 +500,7 @@ mod tests {
             WearCoefficients::Independent
         );
         let made = with("[manufacture]\nflank_class = 5\n");
-        assert_eq!(made.estimator.percentile, PercentileRule::Chosen);
+        assert_eq!(made.estimator.rule, EstimatorRule::Chosen);
     }
 
     #[test]

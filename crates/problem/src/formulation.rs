@@ -241,6 +241,16 @@ impl Problem {
         &self.responses
     }
 
+    /// The measure of the sampled response: its name, such as P90, and its unit.
+    #[must_use]
+    pub fn measured(&self) -> Quantity {
+        let unit = match self.campaign.sampling.objective.is_probability() {
+            true => "",
+            false => &*self.sampled.unit,
+        };
+        Quantity::new(&self.campaign.measure_name(), unit)
+    }
+
     /// The sampled response. Its name is used for columns.
     #[must_use]
     pub const fn sampled(&self) -> &Quantity {
@@ -442,10 +452,7 @@ impl Problem {
     /// Whether small or large values of the response are preferred.
     #[must_use]
     pub const fn aim(&self) -> Aim {
-        match &self.kind {
-            Formulation::Gears(_) => Aim::Minimise,
-            Formulation::External(external) => external.aim(),
-        }
+        self.campaign.sampling.objective.aim
     }
 
     /// The constraint violation: the sum of the relative violations in the paper's (5), and of the

@@ -5,15 +5,20 @@ use problem::formulation::Problem;
 use crate::cell::Column;
 
 /// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
-/// as the user's own names are. `{p}` stands for the percentile's.
+/// as the user's own names are. `{p}` stands for the measure's.
 pub(crate) fn column(problem: &Problem, what: &str) -> String {
     let sampling = &problem.campaign().sampling;
-    let name = what.replace("{p}", &sampling.percentile_column());
+    let name = what.replace("{p}", &sampling.measure_column());
     let square = if is_squared(what) { "2" } else { "" };
     match problem.gears() {
-        Some(_) => format!("{name}_um{square}"),
-        None => name,
+        Some(_) if !is_probability(problem, what) => format!("{name}_um{square}"),
+        _ => name,
     }
+}
+
+/// Whether a column has probabilities, and not values of the response.
+fn is_probability(problem: &Problem, what: &str) -> bool {
+    what.contains("{p}") && problem.campaign().sampling.objective.is_probability()
 }
 
 fn is_squared(what: &str) -> bool {
@@ -22,7 +27,10 @@ fn is_squared(what: &str) -> bool {
 
 /// A column about the sampled response, as [`column`] names it.
 pub(crate) fn statistic(problem: &Problem, what: &str) -> Column {
-    let unit = &problem.sampled().unit;
+    let unit = match is_probability(problem, what) {
+        true => "",
+        false => &*problem.sampled().unit,
+    };
     let square = if is_squared(what) && !unit.is_empty() {
         "²"
     } else {

@@ -53,7 +53,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
             candidates += reasons.filter(|reason| is_failure(reason)).count();
         }
     }
-    let without = responses.iter().filter(|row| !row.percentile.is_finite());
+    let without = responses.iter().filter(|row| !row.measure.is_finite());
     let criteria = store.criteria().await?;
     let has_failed = |row: &&CriteriaRow| row.reason.as_deref().is_some_and(is_failure);
     let infill = store.infill().await?;

@@ -208,8 +208,8 @@ async fn responses<W: Write + Send>(
             row.design,
             row.mean,
             row.standard_deviation,
-            row.percentile,
-            row.percentile_variance,
+            row.measure,
+            row.measure_variance,
             row.lilliefors_p,
         ])?;
     }
@@ -316,7 +316,7 @@ async fn infill<W: Write + Send>(
             point.violation,
             point.samples,
             point.failed,
-            estimate.map(|estimate| estimate.p90),
+            estimate.map(|estimate| estimate.value),
             estimate.map(|estimate| estimate.variance),
         ]);
         out.write(&row)?;

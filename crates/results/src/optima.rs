@@ -5,7 +5,7 @@ use problem::formulation::{Constraint, Problem};
 use stages::names;
 use stages::optima::{self, Optimum};
 use stages::verification::Verification;
-use stats::OrderStatistic;
+use stats::Verified;
 use store::Store;
 
 /// An optimum with its verification.
@@ -17,11 +17,11 @@ pub struct VerifiedOptimum {
     /// The verification samples in the store; `None` without a design.
     pub verification: Option<Verification>,
     /// The verified percentile with its 95 % interval; `None` until all samples are there.
-    pub percentile: Option<OrderStatistic>,
+    pub percentile: Option<Verified>,
     /// The difference of the percentile from that of the recommended optimum, positive if worse, from samples with
     /// the same random numbers. `None` for the recommended optimum, for one that is not ranked, and if the samples
     /// are too few for an interval.
-    pub behind: Option<OrderStatistic>,
+    pub behind: Option<Verified>,
 }
 
 impl VerifiedOptimum {
@@ -130,13 +130,13 @@ pub fn is_ranked(problem: &Problem, approach: Approach) -> bool {
 }
 
 /// The difference between the percentiles of `samples` and `best`, positive if `best` is better.
-fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<OrderStatistic> {
+fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<Verified> {
     let difference = problem.campaign().sampling.difference(samples, best)?;
     let as_cost = |(low, high)| {
         let (a, b) = (problem.cost(low), problem.cost(high));
         (a.min(b), a.max(b))
     };
-    Some(OrderStatistic {
+    Some(Verified {
         value: problem.cost(difference.value),
         interval: difference.interval.map(as_cost),
         ..difference

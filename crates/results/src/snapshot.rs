@@ -66,7 +66,7 @@ impl Snapshot {
         }
         let mut responses = store.responses().await?;
         // It is infinite if too many samples failed.
-        responses.retain(|row| row.percentile.is_finite());
+        responses.retain(|row| row.measure.is_finite());
         let model = match latest_model(store).await? {
             Some(row) => Some((
                 serde_json::from_str(&row.summary_json)?,
@@ -94,10 +94,10 @@ impl Snapshot {
         })
     }
 
-    /// The percentile's name: P90.
+    /// The measure's name: P90.
     #[must_use]
-    pub fn percentile_name(&self) -> String {
-        self.problem.campaign().sampling.percentile_name()
+    pub fn measure_name(&self) -> String {
+        self.problem.measured().name.into_owned()
     }
 
     /// Number of designs that the simulator gives numbers for.

@@ -8,7 +8,7 @@ use ledger::Kind;
 use serde::{Deserialize, Serialize};
 use stages::optima::NoOptimum;
 use stages::stage::Stage;
-use stats::OrderStatistic;
+use stats::Verified;
 
 pub use self::reading::read;
 use crate::running::{Backlog, Live, Running};
@@ -194,8 +194,8 @@ pub struct Estimate {
     pub high: Option<f64>,
 }
 
-impl From<OrderStatistic> for Estimate {
-    fn from(estimate: OrderStatistic) -> Self {
+impl From<Verified> for Estimate {
+    fn from(estimate: Verified) -> Self {
         let (low, high) = estimate.interval.unzip();
         Self {
             value: estimate.value,

@@ -89,17 +89,17 @@ pub fn choose_of_doe(
     cost: Cost,
 ) -> Optimum {
     let mut best: Option<Solution> = None;
-    for response in responses.iter().filter(|row| row.percentile.is_finite()) {
+    for response in responses.iter().filter(|row| row.measure.is_finite()) {
         let better = best
             .as_ref()
-            .is_none_or(|found| problem.cost(response.percentile) < problem.cost(found.criterion));
+            .is_none_or(|found| problem.cost(response.measure) < problem.cost(found.criterion));
         let (Some(row), true) = (designs.get(response.design as usize), better) else {
             continue;
         };
         if let Some((design, criteria)) = feasible(problem, base, row, criteria) {
             best = Some(Solution {
                 design,
-                criterion: response.percentile,
+                criterion: response.measure,
                 criteria,
                 feasible: true,
             });

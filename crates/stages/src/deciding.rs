@@ -188,8 +188,8 @@ impl Rows {
             sampled.push(SampledDesign {
                 x: x.clone(),
                 samples: u32::try_from(samples).unwrap_or(u32::MAX),
-                response: problem.cost(response.percentile),
-                variance: response.percentile_variance,
+                response: problem.cost(response.measure),
+                variance: response.measure_variance,
                 violation,
                 baseline: infill::baseline(problem, &worn),
             });
@@ -227,8 +227,8 @@ impl Rows {
             }
             entry.samples = u32::try_from(count).unwrap_or(u32::MAX);
             if let Some(row) = row {
-                entry.response = problem.cost(row.percentile);
-                entry.variance = row.percentile_variance;
+                entry.response = problem.cost(row.measure);
+                entry.variance = row.measure_variance;
             }
         }
         let failed = self.infill.iter().filter(|row| row.has_failed());

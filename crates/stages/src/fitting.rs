@@ -109,8 +109,8 @@ pub fn of_doe(
         Some(Observation {
             number: row.design,
             x: row.x.clone(),
-            value: response.percentile,
-            variance: response.percentile_variance,
+            value: response.measure,
+            variance: response.measure_variance,
             samples,
             is_feasible: choosing::feasible(problem, base, row, criteria).is_some(),
         })
@@ -203,7 +203,7 @@ fn guided<T>(
     with: impl FnOnce(&Guidance<'_>) -> T,
 ) -> T {
     let names: Vec<&str> = problem.free_names().collect();
-    let unit = match &*problem.sampled().unit {
+    let unit = match &*problem.measured().unit {
         "" => String::new(),
         unit => format!(" {unit}"),
     };

@@ -59,7 +59,7 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
         // The standard deviation with which a normal sample's percentile would be as uncertain as
         // this.
         let sd = if normal > 0.0 {
-            row.standard_deviation * (row.percentile_variance / normal).sqrt()
+            row.standard_deviation * (row.measure_variance / normal).sqrt()
         } else {
             row.standard_deviation
         };
@@ -96,8 +96,8 @@ pub fn response_of(
         design,
         mean: estimate.mean,
         standard_deviation: estimate.sd,
-        percentile: estimate.p90,
-        percentile_variance: estimate.variance,
+        measure: estimate.p90,
+        measure_variance: estimate.variance,
         lilliefors_p: None,
     })
 }
@@ -118,8 +118,8 @@ pub fn response(
             design,
             mean: estimate.mean,
             standard_deviation: estimate.sd,
-            percentile: estimate.p90,
-            percentile_variance: estimate.variance,
+            measure: estimate.p90,
+            measure_variance: estimate.variance,
             lilliefors_p: stats::lilliefors(values).ok().map(|test| test.p_value),
         });
     }
@@ -128,8 +128,8 @@ pub fn response(
         design,
         mean: choice.normal.mean,
         standard_deviation: choice.normal.sd,
-        percentile: choice.chosen.p90,
-        percentile_variance: choice.chosen.variance,
+        measure: choice.chosen.value,
+        measure_variance: choice.chosen.variance,
         // Identical samples have no distribution to test; the row then has no p-value.
         lilliefors_p: choice.p_value,
     })
@@ -183,23 +183,22 @@ pub fn controls(
 
 #[cfg(test)]
 mod tests {
-    use problem::file::{PercentileRule, SIGNIFICANCE};
+    use problem::file::{EstimatorRule, SIGNIFICANCE};
 
     use super::*;
 
     fn sampling(precision: Option<f64>) -> Sampling {
         Sampling {
             samples_per_design: 10,
-            level: 0.9,
             precision,
             samples_max: precision.map(|_| 60),
             skip_violation: None,
-            percentile: Some(PercentileRule::Normal),
+            estimator: Some(EstimatorRule::Normal),
             control: problem::file::ControlVariate::None,
             coefficients: problem::file::WearCoefficients::Independent,
             group: None,
             failed: problem::file::FailedSamples::Worst,
-            counts_above: false,
+            objective: problem::file::Objective::percentile(0.9),
         }
     }
 
@@ -235,7 +234,7 @@ mod tests {
             Ok(Sufficiency::Enough(enough))
         );
         let row = response(0, Samples::plain(&samples(enough, 0.35)), &sampling(None)).unwrap();
-        assert!(row.percentile_variance.sqrt() <= 0.1, "{row:?}");
+        assert!(row.measure_variance.sqrt() <= 0.1, "{row:?}");
         // Samples that came early change nothing.
         assert_eq!(
             sufficiency(&samples(60, 0.35), &precise),
@@ -253,29 +252,29 @@ mod tests {
         let skewed: Vec<f64> = (0..40).map(|index| f64::from(index).powi(6)).collect();
         let of = |percentile| {
             let settings = Sampling {
-                percentile: Some(percentile),
+                estimator: Some(percentile),
                 ..sampling(None)
             };
             response(3, Samples::plain(&skewed), &settings).unwrap()
         };
         let (paper, normal, chosen) = (
-            of(PercentileRule::Paper),
-            of(PercentileRule::Normal),
-            of(PercentileRule::Chosen),
+            of(EstimatorRule::Paper),
+            of(EstimatorRule::Normal),
+            of(EstimatorRule::Chosen),
         );
         assert!(chosen.lilliefors_p.unwrap() < SIGNIFICANCE);
         let expected = stats::harrell_davis_p90(&skewed).unwrap();
         assert_eq!(chosen.percentile, expected.p90);
-        assert_eq!(chosen.percentile_variance, expected.variance);
-        let bootstrap = of(PercentileRule::ChosenBootstrap);
+        assert_eq!(chosen.measure_variance, expected.variance);
+        let bootstrap = of(EstimatorRule::ChosenBootstrap);
         assert_eq!(bootstrap.percentile, chosen.percentile);
         let expected = stats::HarrellDavisVariance::Bootstrap;
         let expected = stats::harrell_davis(&skewed, 0.9, expected).unwrap();
-        assert_eq!(bootstrap.percentile_variance, expected.variance);
-        assert_ne!(bootstrap.percentile_variance, chosen.percentile_variance);
+        assert_eq!(bootstrap.measure_variance, expected.variance);
+        assert_ne!(bootstrap.measure_variance, chosen.measure_variance);
         let plain = stats::percentile_p90(&skewed).unwrap();
         assert_eq!(
-            (paper.percentile, paper.percentile_variance),
+            (paper.percentile, paper.measure_variance),
             (plain.p90, plain.variance)
         );
         // Exact z and an unbiased s both raise it.
@@ -295,7 +294,7 @@ mod tests {
             problem::Campaign::parse("paper.toml", problem::Campaign::PAPER).unwrap();
         let (samples, replications) = (64, 400);
         campaign.sampling.samples_per_design = samples;
-        campaign.sampling.percentile = Some(PercentileRule::Normal);
+        campaign.sampling.estimator = Some(EstimatorRule::Normal);
         let mut of_mean = Vec::new();
         let mut of_p90 = Vec::new();
         for coefficients in [
@@ -328,8 +327,8 @@ mod tests {
                 stats::mean_sd(&values).unwrap().1.powi(2)
             };
             let p90 = scatter(|row| row.percentile);
-            let stated = rows.iter().map(|row| row.percentile_variance).sum::<f64>()
-                / f64::from(replications);
+            let stated =
+                rows.iter().map(|row| row.measure_variance).sum::<f64>() / f64::from(replications);
             // A variance of 400 is known to 7 %; the jackknife over 8 groups is too large by an
             // eighth.
             let ratio = stated / p90;
@@ -372,10 +371,10 @@ mod tests {
         };
         let (all, plain, controlled) = (of(20_000, false), of(30, false), of(30, true));
         assert!(
-            controlled.percentile_variance < 0.01 * plain.percentile_variance,
+            controlled.measure_variance < 0.01 * plain.measure_variance,
             "{controlled:?} beside {plain:?}"
         );
-        let error = (all.percentile_variance + controlled.percentile_variance).sqrt();
+        let error = (all.measure_variance + controlled.measure_variance).sqrt();
         assert!(
             (controlled.percentile - all.percentile).abs() < 4.0 * error,
             "{controlled:?} beside {all:?}"
@@ -415,7 +414,7 @@ mod tests {
             // actual scatter.
             let of = |percentile, controlled: bool| {
                 let settings = Sampling {
-                    percentile: Some(percentile),
+                    estimator: Some(percentile),
                     ..sampling(None)
                 };
                 let rows = values.chunks(count).zip(controls.chunks(count));
@@ -427,21 +426,21 @@ mod tests {
                     .collect();
                 let found: Vec<f64> = rows.iter().map(|row| row.percentile).collect();
                 let (mean, scatter) = stats::mean_sd(&found).unwrap();
-                let stated = rows.iter().map(|row| row.percentile_variance).sum::<f64>();
+                let stated = rows.iter().map(|row| row.measure_variance).sum::<f64>();
                 let stated = (stated / replications as f64).sqrt() / scatter;
                 (mean, scatter / (replications as f64).sqrt(), stated)
             };
             let (mean, sd) = stats::mean_sd(&values).unwrap();
             let expected = mean + sampling(None).normal().z * sd;
-            let (controlled, error, _) = of(PercentileRule::Normal, true);
+            let (controlled, error, _) = of(EstimatorRule::Normal, true);
             // The regression has a bias of order 1/n, as ΔSTE is not linear.
             assert!(
                 (controlled - expected).abs() < sd / count as f64 + 4.0 * error,
                 "class {class}: {controlled} against {expected}"
             );
-            let (.., stated) = of(PercentileRule::Normal, false);
+            let (.., stated) = of(EstimatorRule::Normal, false);
             assert!(normal_states.contains(&stated), "class {class}: {stated}");
-            let (.., stated) = of(PercentileRule::Chosen, false);
+            let (.., stated) = of(EstimatorRule::Chosen, false);
             assert!((0.85..1.15).contains(&stated), "class {class}: {stated}");
         }
     }

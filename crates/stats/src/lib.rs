@@ -28,7 +28,9 @@
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
 //! - [`order_statistic`]: a percentile and its interval for any continuous distribution, as reported for
 //!   verified designs; [`paired_difference`] compares two of them.
-//! - [`harrell_davis_p90`], [`choose_p90`]: a percentile of samples that are not normal, and its variance;
+//! - [`Measure`]: the measures of a random response (percentile, mean, mean + k sd, mean of a tail, probability), with
+//!   estimates and intervals; [`choose`] estimates one from few samples.
+//! - [`harrell_davis_p90`]: a percentile of samples that are not normal, and its variance;
 //!   [`exact_bootstrap_variance`] of any weighted sum of order statistics.
 //! - [`Shape`]: a percentile of designs that share the shape of their response's distribution.
 //! - [`mod@reference`]: responses with known percentiles.
@@ -42,10 +44,12 @@
 #![warn(missing_docs)]
 
 mod bootstrap;
+mod choice;
 mod coefficients;
 mod control;
 mod error;
 mod exact;
+mod measure;
 mod moments;
 mod normal;
 mod normality;
@@ -60,21 +64,23 @@ mod sequential;
 pub mod streams;
 
 pub use bootstrap::exact_bootstrap_variance;
+pub use choice::{Choice, ChoiceRule, choose};
 pub use coefficients::{GROUPED_MIN_GROUPS, Sampling, grouped_p90, normal_coefficients};
 pub use control::{CONTROL_MIN_SAMPLES, Control, ControlledPercentile, control_variate_p90};
 pub use error::Error;
 pub use exact::{EXACT_Z90, c4, exact_p90_variance, normal_quantile, sd_bias};
+pub use measure::Measure;
 pub use moments::mean_sd;
 pub use normal::{NormalOptions, VarianceFormula, normal_p90, percentile_p90};
 pub use normality::{
     LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors, lilliefors_critical_value, lilliefors_p_value,
 };
-pub use order::{OrderStatistic, order_interval_min_samples, order_statistic, paired_difference};
+pub use order::{Verified, order_interval_min_samples, order_statistic, paired_difference};
 pub use percentile::{PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance};
 pub use pooled::Shape;
 pub use quantile::{
-    Choice, ChoiceRule, HarrellDavisVariance, Method, Quantile, choose_p90, harrell_davis,
-    harrell_davis_min_samples, harrell_davis_p90,
+    Estimate, HarrellDavisVariance, Method, harrell_davis, harrell_davis_min_samples,
+    harrell_davis_p90,
 };
 pub use rank::spearman;
 pub use sensitivity::{

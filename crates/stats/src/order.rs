@@ -23,15 +23,14 @@ use statrs::distribution::{Binomial, DiscreteCDF as _};
 
 use crate::Error;
 
-/// A percentile that assumes no distribution.
+/// A measure of samples, with an interval that assumes no distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OrderStatistic {
+pub struct Verified {
     /// Number of samples.
     pub n: usize,
-    /// The percentile, in the unit of the samples.
+    /// The measure; all but a probability in the unit of the samples.
     pub value: f64,
-    /// The confidence interval (low, high); `None` if the samples are fewer than
-    /// [`order_interval_min_samples`].
+    /// The confidence interval (low, high); `None` with too few samples for one.
     pub interval: Option<(f64, f64)>,
 }
 
@@ -41,11 +40,7 @@ pub struct OrderStatistic {
 ///
 /// [`Error::TooFewSamples`] without samples, [`Error::NonFinite`] for a sample that is not a number,
 /// [`Error::OutOfRange`] unless `level` and `confidence` lie strictly between 0 and 1.
-pub fn order_statistic(
-    samples: &[f64],
-    level: f64,
-    confidence: f64,
-) -> Result<OrderStatistic, Error> {
+pub fn order_statistic(samples: &[f64], level: f64, confidence: f64) -> Result<Verified, Error> {
     check(level, "level")?;
     check(confidence, "confidence")?;
     if samples.is_empty() {
@@ -65,7 +60,7 @@ pub fn order_statistic(
     sorted.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - confidence);
     let limit = |chance| limit(&sorted, level, chance);
-    Ok(OrderStatistic {
+    Ok(Verified {
         n: sorted.len(),
         value: at_rank(
             &sorted,
@@ -97,7 +92,7 @@ pub fn paired_difference(
     second: &[f64],
     level: f64,
     confidence: f64,
-) -> Result<Option<OrderStatistic>, Error> {
+) -> Result<Option<Verified>, Error> {
     let n = first.len().min(second.len());
     let (first, second) = (&first[..n], &second[..n]);
     let a = order_statistic(first, level, confidence)?;
@@ -130,7 +125,7 @@ pub fn paired_difference(
     let half = |a: f64, b: f64| (a * a + b * b - 2.0 * correlation * a * b).max(0.0).sqrt();
     let low = value - half(a.value - of_a.0, of_b.1 - b.value);
     let high = value + half(of_a.1 - a.value, b.value - of_b.0);
-    Ok(Some(OrderStatistic {
+    Ok(Some(Verified {
         n,
         value,
         interval: Some((low, high)),

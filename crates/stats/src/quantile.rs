@@ -7,12 +7,11 @@
 //!   the parameters p (n + 1) and (1 − p)(n + 1). Its variance is the jackknife's
 //!   (F. E. Harrell, C. E. Davis, "A new distribution-free quantile estimator", Biometrika 69
 //!   (1982) 635–640), or by [`HarrellDavisVariance`] the exact bootstrap variance.
-//! - [`choose_p90`] chooses between it and the normal percentile.
 
 use statrs::function::beta::beta_reg;
 
 use crate::moments::check_finite;
-use crate::{Error, NormalOptions, Percentile, bootstrap, lilliefors, normal_p90};
+use crate::{Error, bootstrap};
 
 /// The fewest samples for a percentile at `level`: 10 for 90 %, since with fewer the percentile
 /// lies beyond the largest sample.
@@ -23,25 +22,26 @@ pub fn harrell_davis_min_samples(level: f64) -> usize {
     ((1.0 / (1.0 - tail) - 1e-9).ceil() as usize).max(3)
 }
 
-/// The estimator of a percentile.
+/// The estimator of a measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// m + z s: [`normal_p90`].
+    /// That of a normal response: [`Measure::of_normal`](crate::Measure::of_normal).
     Normal,
-    /// All order statistics: [`harrell_davis_p90`].
-    HarrellDavis,
+    /// All order statistics, or the scores of a measure that is no percentile:
+    /// [`Measure::distribution_free`](crate::Measure::distribution_free).
+    DistributionFree,
 }
 
-/// A percentile and the variance of its estimate, by either estimator.
+/// An estimate of a measure and its variance, by either estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Quantile {
-    /// The estimator of the percentile.
+pub struct Estimate {
+    /// The estimator.
     pub method: Method,
     /// Number of samples.
     pub n: usize,
-    /// The percentile, in the unit of the samples.
-    pub p90: f64,
-    /// Estimated variance of the percentile, in that unit squared.
+    /// The measure; all but a probability in the unit of the samples.
+    pub value: f64,
+    /// Estimated variance of `value`, in its unit squared.
     pub variance: f64,
 }
 
@@ -62,7 +62,7 @@ pub enum HarrellDavisVariance {
 ///
 /// [`Error::TooFewSamples`] below [`harrell_davis_min_samples`], [`Error::NonFinite`],
 /// [`Error::Overflow`].
-pub fn harrell_davis_p90(samples: &[f64]) -> Result<Quantile, Error> {
+pub fn harrell_davis_p90(samples: &[f64]) -> Result<Estimate, Error> {
     harrell_davis(samples, 0.9, HarrellDavisVariance::Jackknife)
 }
 
@@ -75,20 +75,20 @@ pub fn harrell_davis(
     samples: &[f64],
     level: f64,
     variance: HarrellDavisVariance,
-) -> Result<Quantile, Error> {
+) -> Result<Estimate, Error> {
     let sorted = sorted(samples, level, "the Harrell–Davis percentile")?;
     let n = sorted.len();
     let weights = harrell_davis_weights(n, level);
     let base = sorted[0];
-    let p90 = base + weighted_sum(&weights, sorted.iter(), base);
+    let value = base + weighted_sum(&weights, sorted.iter(), base);
     let variance = match variance {
         HarrellDavisVariance::Jackknife => jackknife(&sorted, level),
         HarrellDavisVariance::Bootstrap => bootstrap::variance_of_sorted(&sorted, &weights),
     };
-    finite(Quantile {
-        method: Method::HarrellDavis,
+    finite(Estimate {
+        method: Method::DistributionFree,
         n,
-        p90,
+        value,
         variance,
     })
 }
@@ -116,81 +116,6 @@ fn jackknife(sorted: &[f64], level: f64) -> f64 {
 fn weighted_sum<'a>(weights: &[f64], values: impl Iterator<Item = &'a f64>, base: f64) -> f64 {
     let terms = weights.iter().zip(values);
     terms.map(|(w, x)| w * (x - base)).sum()
-}
-
-/// The rule that chooses an estimator for one design.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChoiceRule {
-    /// The percentile's level; `normal.z` must be the quantile of the same level.
-    pub level: f64,
-    /// Significance level: normality is rejected when Lilliefors' p-value is below it; 1 rejects it
-    /// without a test.
-    pub significance: f64,
-    /// The normal estimator, used unless normality is rejected.
-    pub normal: NormalOptions,
-    /// The variance of Harrell and Davis's estimator, used when normality is rejected.
-    pub harrell_davis: HarrellDavisVariance,
-}
-
-impl Default for ChoiceRule {
-    fn default() -> Self {
-        Self {
-            level: 0.9,
-            significance: 0.05,
-            normal: NormalOptions::default(),
-            harrell_davis: HarrellDavisVariance::default(),
-        }
-    }
-}
-
-/// The result of [`choose_p90`], with the numbers on which the choice was based.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Choice {
-    /// The percentile chosen.
-    pub chosen: Quantile,
-    /// The normal percentile, chosen or not.
-    pub normal: Percentile,
-    /// Lilliefors' p-value; `None` when the test does not apply (too few samples, or all equal).
-    pub p_value: Option<f64>,
-}
-
-/// Estimates the percentile of one design: m + z s, or Harrell and Davis's estimator when normality
-/// is rejected. Fewer than [`harrell_davis_min_samples`] samples are always taken for normal,
-/// because order statistics do not reach the level there.
-///
-/// A design with normal samples gets Harrell and Davis's estimator with the probability
-/// `significance`.
-///
-/// # Errors
-///
-/// [`Error::OutOfRange`] unless 0 ≤ `significance` ≤ 1, and the errors of [`normal_p90`].
-pub fn choose_p90(samples: &[f64], rule: &ChoiceRule) -> Result<Choice, Error> {
-    let significance = rule.significance;
-    if !(0.0..=1.0).contains(&significance) {
-        return Err(Error::OutOfRange {
-            name: "significance",
-            value: significance,
-            expected: "from 0 to 1",
-        });
-    }
-    let normal = normal_p90(samples, &rule.normal)?;
-    let p_value = lilliefors(samples).ok().map(|test| test.p_value);
-    let rejected = significance == 1.0 || p_value.is_some_and(|p| p < significance);
-    let chosen = if rejected && samples.len() >= harrell_davis_min_samples(rule.level) {
-        harrell_davis(samples, rule.level, rule.harrell_davis)?
-    } else {
-        Quantile {
-            method: Method::Normal,
-            n: normal.n,
-            p90: normal.p90,
-            variance: normal.variance,
-        }
-    };
-    Ok(Choice {
-        chosen,
-        normal,
-        p_value,
-    })
 }
 
 fn harrell_davis_weights(n: usize, level: f64) -> Vec<f64> {
@@ -224,10 +149,10 @@ fn sorted(samples: &[f64], level: f64, statistic: &'static str) -> Result<Vec<f6
     Ok(sorted)
 }
 
-fn finite(quantile: Quantile) -> Result<Quantile, Error> {
-    if quantile.p90.is_finite() && quantile.variance.is_finite() {
-        Ok(quantile)
+fn finite(estimate: Estimate) -> Result<Estimate, Error> {
+    if estimate.value.is_finite() && estimate.variance.is_finite() {
+        Ok(estimate)
     } else {
-        Err(Error::Overflow { n: quantile.n })
+        Err(Error::Overflow { n: estimate.n })
     }
 }

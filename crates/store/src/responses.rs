@@ -13,10 +13,10 @@ pub struct ResponseRow {
     pub mean: f64,
     /// Standard deviation of the samples.
     pub standard_deviation: f64,
-    /// Estimate of the percentile at the campaign's level; infinite if too many samples failed.
-    pub percentile: f64,
+    /// Estimate of the campaign's measure; infinite if too many samples failed.
+    pub measure: f64,
     /// Variance of that estimate.
-    pub percentile_variance: f64,
+    pub measure_variance: f64,
     /// p-value of Lilliefors' test of normality; `None` if the test does not apply.
     pub lilliefors_p: Option<f64>,
 }
@@ -33,16 +33,16 @@ impl Row for ResponseRow {
             .count("design", self.design)
             .number("mean", self.mean)
             .number("standard_deviation", self.standard_deviation)
-            .outcome("percentile", self.percentile)
-            .number("percentile_variance", self.percentile_variance)
+            .outcome("measure", self.measure)
+            .number("measure_variance", self.measure_variance)
             .option(self.lilliefors_p, |to, p| to.number("lilliefors_p", p));
     }
 }
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<ResponseRow>, Error> {
     let query = sqlx::query!(
-        r#"SELECT design AS "design: u64", mean, standard_deviation, percentile,
-                  percentile_variance, lilliefors_p, seal
+        r#"SELECT design AS "design: u64", mean, standard_deviation, measure,
+                  measure_variance, lilliefors_p, seal
            FROM response ORDER BY design"#
     );
     let rows = connection.all(query).await?;
@@ -52,8 +52,8 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<ResponseR
                 design: row.design,
                 mean: row.mean,
                 standard_deviation: row.standard_deviation,
-                percentile: row.percentile,
-                percentile_variance: row.percentile_variance,
+                measure: row.measure,
+                measure_variance: row.measure_variance,
                 lilliefors_p: row.lilliefors_p,
             };
             connection.check(response, row.seal)
@@ -71,14 +71,14 @@ pub(crate) async fn replace(
         let seal = row::seal(row)?;
         let design = row.design.cast_signed();
         let query = sqlx::query!(
-            "INSERT OR REPLACE INTO response (design, mean, standard_deviation, percentile,
-                 percentile_variance, lilliefors_p, seal)
+            "INSERT OR REPLACE INTO response (design, mean, standard_deviation, measure,
+                 measure_variance, lilliefors_p, seal)
              VALUES (?, ?, ?, ?, ?, ?, ?)",
             design,
             row.mean,
             row.standard_deviation,
-            row.percentile,
-            row.percentile_variance,
+            row.measure,
+            row.measure_variance,
             row.lilliefors_p,
             seal,
         );

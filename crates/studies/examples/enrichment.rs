@@ -139,7 +139,7 @@ fn response(
     let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
     let samples = draw(problem, &pair, Purpose::Wear, number, count);
     let estimate = problem.campaign().sampling.estimate(&samples).ok()?.chosen;
-    Some((estimate.p90, estimate.variance))
+    Some((estimate.value, estimate.variance))
 }
 
 /// The four approaches of the paper.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use problem::file::{CorrectionsSection, PairCorrections, Sampling};
+use problem::file::{CorrectionsSection, PairCorrections};
 use problem::formulation::Problem;
 use problem::formulation::gears::ALL_VARIABLES;
 use problem::optimise::Solution;
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use results::number::{MISSING, fixed};
 use results::row;
 use results::table::{Cell, Column, Table};
-use stats::OrderStatistic;
+use stats::Verified;
 
 use crate::direct::{self, Search, Start};
 use crate::refusal::require_built_in;
@@ -42,7 +42,7 @@ pub struct Outcome {
     /// Number of analyses with random wear.
     pub worn_calls: u64,
     /// The best feasible design and its P90 from verification samples, if a search met one.
-    pub best: Option<(Solution, OrderStatistic)>,
+    pub best: Option<(Solution, Verified)>,
 }
 
 /// The sets that a campaign asks to compare: flanks as they are, then with corrections.
@@ -157,7 +157,6 @@ pub fn write_tables(
     campaign: &Campaign,
     outcomes: &[Outcome],
 ) -> anyhow::Result<Document> {
-    let sampling = &campaign.sampling;
     let figures = all_figures(campaign, outcomes);
     write(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
@@ -165,11 +164,11 @@ pub fn write_tables(
          {} of ΔSTE in µm from {} verification samples with its 95 % interval, at the best of {} direct \
          searches of {} designs each. Relief is amount × length.\n\n{}",
         campaign.name,
-        sampling.percentile_name(),
+        campaign.measure_name(),
         campaign.verify.first(),
         campaign.optimise.starts,
         campaign.optimise.evaluations,
-        summary(sampling, outcomes).markdown()
+        summary(campaign, outcomes).markdown()
     );
     write(out, "corrections.md", &page)?;
     for outcome in outcomes {
@@ -193,8 +192,8 @@ pub fn write_tables(
     })
 }
 
-fn summary(sampling: &Sampling, outcomes: &[Outcome]) -> PageTable {
-    let percentile = sampling.percentile_name();
+fn summary(campaign: &Campaign, outcomes: &[Outcome]) -> PageTable {
+    let percentile = campaign.measure_name();
     let mut table = PageTable::new([
         "corrections",
         &format!("{percentile}, µm"),
@@ -242,7 +241,7 @@ fn summary(sampling: &Sampling, outcomes: &[Outcome]) -> PageTable {
 }
 
 fn all_figures(campaign: &Campaign, outcomes: &[Outcome]) -> Table {
-    let percentile = campaign.sampling.percentile_columns();
+    let percentile = campaign.sampling.measure_columns();
     let searched = percentile[0].replace("_um", "_searched_um");
     let problem = Problem::new(campaign.clone()).with_corrections(&CorrectionsSection::default());
     let variables = problem.variables();
@@ -348,7 +347,7 @@ mod tests {
             }
         }
         assert_eq!(
-            summary(&campaign.sampling, &outcomes).rows[1][0],
+            summary(&campaign, &outcomes).rows[1][0],
             "tip relief"
         );
     }

@@ -147,7 +147,7 @@ mod tests {
             .map(|index| sampler.draw(&mut stream(seed, purpose, number, index)))
             .collect();
         let estimate = problem.campaign().sampling.estimate(&again).unwrap();
-        assert_eq!(estimate.chosen.p90, best.criterion);
+        assert_eq!(estimate.chosen.value, best.criterion);
         let verified = samples::verification(&problem, &best.design).unwrap();
         assert_eq!(verified.len(), problem.campaign().verify.first() as usize);
         assert_ne!(verified[..10], again[..]);

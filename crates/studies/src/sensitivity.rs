@@ -22,7 +22,7 @@ use results::number::fixed;
 use results::row;
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
-use stats::{OrderStatistic, Sensitivity, SensitivityIndex, SensitivityPlan};
+use stats::{Sensitivity, SensitivityIndex, SensitivityPlan, Verified};
 
 use crate::finished::FeasibleOptimum;
 use crate::samples::in_pieces;
@@ -63,7 +63,7 @@ pub struct Scenario {
     /// The factor by which it is changed.
     pub factor: f64,
     /// P90 from the campaign's number of verification samples.
-    pub p90: OrderStatistic,
+    pub p90: Verified,
 }
 
 /// The indices of one output.
@@ -218,7 +218,7 @@ pub fn indices(
             seed,
             tolerances.rows,
             0,
-            &sampling.percentile_name(),
+            &problem.campaign().measure_name(),
             inputs.clone(),
             of_percentile,
         )?,
@@ -311,11 +311,11 @@ pub fn write_tables(
     indices: &[Indices],
 ) -> anyhow::Result<Document> {
     let name = &campaign.name;
-    let [value, low, high] = campaign.sampling.percentile_columns();
+    let [value, low, high] = campaign.sampling.measure_columns();
     let mut columns = vec![Column::text("parameter"), Column::number("factor")];
     columns.extend([value, low, high].map(Column::number));
     let mut table = Table::new(columns);
-    let percentile = campaign.sampling.percentile_name();
+    let percentile = campaign.measure_name();
     let mut shown = PageTable::new(["scenario", &format!("{percentile}, µm")]);
     for row in scenarios {
         let p90 = &row.p90;

@@ -15,7 +15,7 @@ use results::report::charts::{self, PercentileSeries};
 use results::row;
 use results::status;
 use results::table::{Cell, Column, Table};
-use stats::OrderStatistic;
+use stats::Verified;
 use store::Store;
 
 use crate::table::{
@@ -137,7 +137,7 @@ impl Outcome {
     }
 
     /// The verified percentile; `None` without a design or with too few samples.
-    fn p90(&self) -> Option<OrderStatistic> {
+    fn p90(&self) -> Option<Verified> {
         self.verified.percentile
     }
 }
@@ -173,7 +173,7 @@ pub fn write_tables(
 ) -> anyhow::Result<Document> {
     let sampling = &campaign.sampling;
     let name = &campaign.name;
-    let percentile = sampling.percentile_name();
+    let percentile = campaign.measure_name();
     let figures = all_figures(sampling, outcomes);
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
@@ -265,7 +265,7 @@ fn all_figures(sampling: &Sampling, outcomes: &[Outcome]) -> Table {
     columns.push(Column::text("approach"));
     columns.extend(VARIABLE_NAMES.map(Column::number));
     columns.push(Column::number("criterion_um"));
-    columns.extend(sampling.percentile_columns().map(Column::number));
+    columns.extend(sampling.measure_columns().map(Column::number));
     columns.push(Column::number("normal_module_mm"));
     columns.extend(CRITERIA.map(Column::number));
     columns.extend([Column::whole("simulator_calls"), Column::text("remark")]);

@@ -101,7 +101,7 @@ impl Kind {
             }
             Self::Precise => {
                 let precision = "precision = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
-                                 percentile = \"chosen\"\nsamples_per_design = 1500 ";
+                                 estimator = \"chosen\"\nsamples_per_design = 1500 ";
                 let text = small_campaign(40, 1500);
                 vec![law(
                     change(&text, "samples_per_design = 1500 ", precision),

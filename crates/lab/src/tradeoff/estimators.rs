@@ -8,7 +8,7 @@
 //! user seldom knows the distribution.
 
 use anyhow::Context as _;
-use problem::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
+use problem::file::{ControlVariate, EstimatorRule, Objective, Sampling, WearCoefficients};
 use problem::formulation::Problem;
 use stats::reference::Reference;
 use stats::streams::{Purpose, stream};
@@ -49,19 +49,19 @@ const COUNTS: [usize; 4] = [10, 30, 100, 500];
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Estimator {
     /// The estimator of a campaign with this key.
-    Key(PercentileRule),
+    Key(EstimatorRule),
     /// m + q s, with q from the residuals of all designs.
     LocationScale,
 }
 
 const ESTIMATORS: [(&str, Estimator); 5] = [
-    ("paper", Estimator::Key(PercentileRule::Paper)),
-    ("normal", Estimator::Key(PercentileRule::Normal)),
+    ("paper", Estimator::Key(EstimatorRule::Paper)),
+    ("normal", Estimator::Key(EstimatorRule::Normal)),
     (
-        "harrell-davis",
-        Estimator::Key(PercentileRule::HarrellDavis),
+        "distribution-free",
+        Estimator::Key(EstimatorRule::DistributionFree),
     ),
-    ("chosen", Estimator::Key(PercentileRule::Chosen)),
+    ("chosen", Estimator::Key(EstimatorRule::Chosen)),
     ("location-scale", Estimator::LocationScale),
 ];
 
@@ -155,7 +155,7 @@ fn errors(response: &Response, own: &Sampling) -> anyhow::Result<Vec<Errors>> {
                 let estimate = |samples: &[f64], shape: &Shape| match kind {
                     Estimator::Key(rule) => {
                         let chosen = settings(own, rule, level).estimate(samples)?.chosen;
-                        Ok((chosen.p90, chosen.variance))
+                        Ok((chosen.value, chosen.variance))
                     }
                     Estimator::LocationScale => {
                         let found = shape.percentile(samples)?;
@@ -198,16 +198,15 @@ fn errors(response: &Response, own: &Sampling) -> anyhow::Result<Vec<Errors>> {
     Ok(all)
 }
 
-fn settings(own: &Sampling, rule: PercentileRule, level: f64) -> Sampling {
+fn settings(own: &Sampling, rule: EstimatorRule, level: f64) -> Sampling {
     Sampling {
-        percentile: Some(rule),
-        level,
+        estimator: Some(rule),
+        objective: Objective::percentile(level),
         control: ControlVariate::None,
         coefficients: WearCoefficients::Independent,
         group: None,
         precision: None,
         samples_max: None,
-        counts_above: false,
         ..*own
     }
 }

@@ -109,7 +109,7 @@ pub(crate) fn run(
     counts.push(training.len());
     let panel = format!(
         "{} at {} held-out designs",
-        problem.campaign().sampling.percentile_name(),
+        problem.measured().name.into_owned(),
         held_out.len()
     );
     let mut table = Table::new(&COLUMNS);
@@ -210,8 +210,8 @@ fn measure(
         .iter()
         .flat_map(|row| doe.designs[row.design as usize].x.iter().copied())
         .collect();
-    let y: Vec<f64> = rows.iter().map(|row| row.percentile).collect();
-    let own: Vec<f64> = rows.iter().map(|row| row.percentile_variance).collect();
+    let y: Vec<f64> = rows.iter().map(|row| row.measure).collect();
+    let own: Vec<f64> = rows.iter().map(|row| row.measure_variance).collect();
     let start = process_seconds();
     let samples = vec![f64::from(campaign.sampling.samples_per_design); own.len()];
     let freedom = campaign.sampling.degrees_of_freedom();

@@ -4,7 +4,7 @@
 //! designs, optimiser evaluations and enrichment samples.
 
 use problem::Campaign;
-use problem::file::{Enrichment, PercentileRule};
+use problem::file::{Enrichment, EstimatorRule};
 use problem::formulation::{Approach, Problem};
 
 use crate::summary::{median, quantile};
@@ -82,7 +82,7 @@ pub(crate) fn run(
     let campaign = problem.campaign();
     let panel = format!(
         "{} of the best feasible design, {seeds} seeds",
-        campaign.sampling.percentile_name()
+        campaign.measure_name()
     );
     for (place, &effort) in (1..).zip(efforts) {
         let mut results = Vec::new();
@@ -144,7 +144,7 @@ fn enriched(campaign: &Campaign, effort: f64) -> Campaign {
     campaign.doe.designs = campaign.doe.designs.min(120);
     let sampling = &mut campaign.sampling;
     sampling.samples_per_design = 36;
-    sampling.percentile = Some(PercentileRule::Normal);
+    sampling.estimator = Some(EstimatorRule::Normal);
     sampling.control = Default::default();
     sampling.coefficients = Default::default();
     sampling.group = None;

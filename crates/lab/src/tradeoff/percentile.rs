@@ -5,7 +5,7 @@
 
 use anyhow::{Context as _, bail};
 use problem::accuracy::ESTIMATORS;
-use problem::file::{ControlVariate, PercentileRule, Sampling, WearCoefficients};
+use problem::file::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
 use problem::formulation::Problem;
 use stages::responses::{Samples, response_of};
 use stats::Control;
@@ -55,17 +55,17 @@ const SCREENING: u64 = 2_000;
 
 /// The estimator of a campaign with these keys.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Estimator(PercentileRule, ControlVariate, WearCoefficients);
+struct Estimator(EstimatorRule, ControlVariate, WearCoefficients);
 
 /// Returns the estimators by name: those that `[accuracy]` chooses from, and Harrell–Davis.
 fn methods() -> Vec<(&'static str, Estimator)> {
     let harrell_davis = Estimator(
-        PercentileRule::HarrellDavis,
+        EstimatorRule::DistributionFree,
         ControlVariate::None,
         WearCoefficients::Independent,
     );
     let chosen_from = ESTIMATORS.iter().map(|one| {
-        let estimator = Estimator(one.percentile, one.control, one.coefficients);
+        let estimator = Estimator(one.rule, one.control, one.coefficients);
         (one.name, estimator)
     });
     chosen_from
@@ -213,7 +213,10 @@ fn draw_design(
     let gears = problem.gears().context("the campaign designs no gears")?;
     let settings = &problem.campaign().sampling;
     // Few designs are far from normal. The screening makes them up to half of all designs.
-    let (seed, level) = (problem.campaign().seed, settings.level());
+    let seed = problem.campaign().seed;
+    let level = settings.objective.level();
+    let level =
+        level.context("the study is of percentiles, and [objective] has another measure")?;
     let mut best: Option<(f64, gear::Pair)> = None;
     let screened = if number.is_multiple_of(2) {
         1
@@ -266,7 +269,7 @@ fn draw_design(
     for (coefficients, draws) in DRAWN.into_iter().zip(&mut draws) {
         let coefficients = with(
             settings,
-            PercentileRule::Normal,
+            EstimatorRule::Normal,
             ControlVariate::None,
             coefficients,
         );
@@ -291,12 +294,12 @@ fn draw_design(
 /// Returns the section `[sampling]` with these choices.
 fn with(
     own: &Sampling,
-    percentile: PercentileRule,
+    percentile: EstimatorRule,
     control: ControlVariate,
     coefficients: WearCoefficients,
 ) -> Sampling {
     Sampling {
-        percentile: Some(percentile),
+        estimator: Some(percentile),
         control,
         coefficients,
         group: (coefficients == WearCoefficients::QuasiRandom).then_some(GROUP),
@@ -312,11 +315,11 @@ impl Estimator {
         with(own, percentile, control, coefficients)
     }
 
-    /// Whether this is the estimator of a campaign with this section. [`PercentileRule::Chosen`]
-    /// and [`PercentileRule::ChosenBootstrap`] differ in the variance alone.
+    /// Whether this is the estimator of a campaign with this section. [`EstimatorRule::Chosen`]
+    /// and [`EstimatorRule::ChosenBootstrap`] differ in the variance alone.
     fn is_of(self, own: &Sampling) -> bool {
-        let percentile = match own.rule_of_percentile() {
-            PercentileRule::ChosenBootstrap => PercentileRule::Chosen,
+        let percentile = match own.estimator_rule() {
+            EstimatorRule::ChosenBootstrap => EstimatorRule::Chosen,
             other => other,
         };
         self == Self(percentile, own.control, own.coefficients)
@@ -335,9 +338,7 @@ impl Estimator {
 
     fn fewest(self, settings: &Sampling) -> usize {
         match self {
-            Self(PercentileRule::HarrellDavis, ..) => {
-                stats::harrell_davis_min_samples(settings.level())
-            }
+            Self(EstimatorRule::DistributionFree, ..) => settings.measure().free_min_samples(),
             Self(_, ControlVariate::Linearised, _) => stats::CONTROL_MIN_SAMPLES,
             Self(_, _, WearCoefficients::Independent) => stats::PERCENTILE_MIN_SAMPLES,
             Self(..) => stats::GROUPED_MIN_GROUPS * settings.coefficients().group(),
@@ -369,7 +370,7 @@ impl Estimator {
                 control: is_controlled.then(|| (&draw.controls[..count], control)),
             };
             let row = response_of(0, samples, settings)?;
-            let (percentile, variance) = (row.percentile, row.percentile_variance);
+            let (percentile, variance) = (row.measure, row.measure_variance);
             estimates.push(percentile);
             stated += variance / draws.len() as f64;
         }

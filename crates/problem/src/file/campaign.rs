@@ -245,14 +245,14 @@ impl Campaign {
                  which the percentile rests, cannot be trusted"
             ));
         }
-        warnings.extend(self.sampling.doubt());
+        warnings.extend(self.sampling.doubt(&self.measure_name()));
         warnings.extend(self.warning_of_normality());
         let (verified, needed) = (self.verify.first(), self.sampling.verified_min_samples());
         if (verified as usize) < needed {
             warnings.push(format!(
                 "verify.samples is {verified}: a 95 % interval of {} takes at least {needed}, so the report \
                  will have none",
-                self.sampling.percentile_name()
+                self.measure_name()
             ));
         }
         if let Some(enrichment) = &self.enrichment {
@@ -269,13 +269,22 @@ impl Campaign {
         warnings
     }
 
+    /// The name of the measure that is optimised: P90, mean, P(y > 5 mm).
+    #[must_use]
+    pub fn measure_name(&self) -> String {
+        self.sampling.objective.name(match &self.kind {
+            Kind::Gears(_) => ["ΔSTE", "µm"],
+            Kind::External(sections) => [&sections.response.name, &sections.response.unit],
+        })
+    }
+
     /// With random slope deviations ΔSTE has a long tail: the normal formula gives half to three
     /// quarters of the percentile's true standard error (`stages::responses` has the test).
     fn warning_of_normality(&self) -> Option<String> {
         self.gears()?.manufacture?;
         let key = if self.sampling.control == ControlVariate::Linearised {
             "sampling.control = \"linearised\""
-        } else if self.sampling.rule_of_percentile().harrell_davis().is_none()
+        } else if self.sampling.estimator_rule().harrell_davis().is_none()
             && self.sampling.coefficients == WearCoefficients::Independent
         {
             "a normal percentile"
@@ -284,7 +293,7 @@ impl Campaign {
         };
         Some(format!(
             "{key} beside [manufacture] states too small an error of the percentile, because ΔSTE is not \
-             normal over slope deviations: sampling.percentile = \"chosen\" tests for that"
+             normal over slope deviations: sampling.estimator = \"chosen\" tests for that"
         ))
     }
 
@@ -306,7 +315,7 @@ impl Campaign {
         match &self.kind {
             Kind::Gears(sections) => sections.validate(source, self.is_external())?,
             Kind::External(sections) => {
-                sections.validate(source, &self.sampling.percentile_column())?;
+                sections.validate(source, &self.sampling.measure_column())?;
             }
         }
         if let Some(enrichment) = &self.enrichment {
@@ -314,12 +323,14 @@ impl Campaign {
             self.infill_is_possible(source)?;
         }
         self.doe.validate(source)?;
+        let is_gears = self.gears().is_some();
+        self.sampling.objective.validate(source, is_gears)?;
         self.sampling.validate(source, self.is_external())?;
         source.require(
-            self.sampling.level() == 0.9 || !self.compares_with_paper(),
-            "sampling.level",
-            self.sampling.level(),
-            "0.9 beside report.compare_with_paper: the paper prints 90 % percentiles",
+            self.sampling.objective.is_papers() || !self.compares_with_paper(),
+            "objective",
+            self.measure_name(),
+            "absent beside report.compare_with_paper: the paper prints 90 % percentiles",
         )?;
         self.verify.validate(source)?;
         self.kriging

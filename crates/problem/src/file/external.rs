@@ -50,7 +50,7 @@ pub struct ConstraintSection {
     pub max: Option<f64>,
 }
 
-/// The random response whose percentile is optimised.
+/// The random response whose measure is optimised.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseSection {
@@ -59,9 +59,6 @@ pub struct ResponseSection {
     /// Its unit; empty for a number without one.
     #[serde(default)]
     pub unit: String,
-    /// Whether small or large values are preferred.
-    #[serde(default)]
-    pub aim: Aim,
     /// Whether the program also computes the response without random effects.
     #[serde(default)]
     pub baseline: bool,
@@ -69,18 +66,6 @@ pub struct ResponseSection {
     pub min: Option<f64>,
     /// Largest plausible value: a larger one is a failure of its sample.
     pub max: Option<f64>,
-}
-
-/// The preferred values of the response.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Aim {
-    /// Small values are good: the campaign minimises the percentile that 90 % of the samples stay below.
-    #[default]
-    Minimise,
-    /// Large values are good: the response is taken with the opposite sign, so the campaign maximises the
-    /// percentile that 90 % of the samples exceed.
-    Maximise,
 }
 
 /// Names with another meaning in requests, answers and exported tables.
@@ -109,10 +94,10 @@ const RESERVED: [&str; 21] = [
 ];
 
 impl ExternalSections {
-    /// Checks the sections. `percentile` is the prefix of columns with the percentile.
-    pub(super) fn validate(&self, source: Source<'_>, percentile: &str) -> Result<(), FileError> {
+    /// Checks the sections. `measure` is the prefix of columns with the measure.
+    pub(super) fn validate(&self, source: Source<'_>, measure: &str) -> Result<(), FileError> {
         let is_column = |name: &str| {
-            let rest = name.strip_prefix(percentile);
+            let rest = name.strip_prefix(measure);
             rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
         };
         let mut names = BTreeSet::new();

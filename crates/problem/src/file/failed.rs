@@ -1,23 +1,26 @@
-//! Failed samples: their value, and the percentile of a design that has some.
+//! Failed samples: their value, and the measure of a design that has some.
 
 use std::borrow::Cow;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Sampling;
+use stats::Measure;
 
-/// The meaning of failed samples for the percentile of their design.
+use super::{Aim, Sampling};
+
+/// The meaning of failed samples for the measure of their design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FailedSamples {
     /// A failed sample counts as worse than every other: with 5 % of them P90 is the percentile of the
-    /// others at 0.9/0.95. A design has a percentile as long as that level is below 1.
+    /// others at 0.9/0.95, and a probability counts them as bad. A design has a percentile as long as that level is
+    /// below 1. It has no mean, and no other measure that a sample changes by its size.
     #[default]
     Worst,
-    /// The percentile is that of the samples that have not failed.
+    /// The measure is that of the samples that have not failed.
     LeftOut,
-    /// A design with a failed sample has no percentile.
+    /// A design with a failed sample has no measure.
     RefusesDesign,
     /// A sample that fails for good quarantines its design, which waits for `coordinator retry` or for
     /// the same command again. One that is answered with no number is a failure, too.
@@ -34,9 +37,9 @@ impl Sampling {
     /// The value that stands for a failed sample: infinitely bad.
     #[must_use]
     pub const fn failed_sample(&self) -> f64 {
-        match self.counts_above {
-            true => f64::NEG_INFINITY,
-            false => f64::INFINITY,
+        match self.objective.aim {
+            Aim::Maximise => f64::NEG_INFINITY,
+            Aim::Minimise => f64::INFINITY,
         }
     }
 
@@ -46,7 +49,7 @@ impl Sampling {
         samples.iter().filter(|sample| sample.is_infinite()).count()
     }
 
-    /// The samples that a percentile without a distribution is computed from.
+    /// The samples that a measure without a distribution is computed from.
     pub(super) fn counted<'a>(&self, samples: &'a [f64]) -> Cow<'a, [f64]> {
         match self.failed {
             _ if Self::count_failed(samples) == 0 => Cow::Borrowed(samples),
@@ -63,35 +66,22 @@ impl Sampling {
     pub(super) fn estimate_of_others(&self, samples: &[f64], failed: usize) -> stats::Choice {
         let finite: Vec<f64> = samples.iter().copied().filter(|s| s.is_finite()).collect();
         let share = failed as f64 / samples.len() as f64;
-        // The level among the others, and its derivative by the share.
-        let (level, by_share) = match self.failed {
-            FailedSamples::LeftOut => (self.level(), 0.0),
-            FailedSamples::RefusesDesign => (1.0, 0.0),
-            FailedSamples::Worst | FailedSamples::QuarantinesDesign => match self.counts_above {
-                // The failed samples lie below all others.
-                true => (
-                    (self.level() - share) / (1.0 - share),
-                    (self.level() - 1.0) / (1.0 - share).powi(2),
-                ),
-                false => (
-                    self.level() / (1.0 - share),
-                    self.level() / (1.0 - share).powi(2),
-                ),
-            },
-        };
         let (mean, sd) = stats::mean_sd(&finite).unwrap_or_default();
-        if level > 0.0
-            && level < 1.0
-            && let Ok(mut estimate) = self.estimate_at(&finite, level)
-        {
-            // The share of failures is an estimate, too. Its variance enters by the slope of a normal
-            // distribution's quantile at this level.
-            let z = stats::normal_quantile(level);
-            let slope = sd * std::f64::consts::TAU.sqrt() * (0.5 * z * z).exp();
-            let of_share = share * (1.0 - share) / samples.len() as f64;
-            let variance = (slope * by_share).powi(2) * of_share;
-            estimate.chosen.variance += variance;
-            estimate.normal.variance += variance;
+        let counts_as_worst = matches!(
+            self.failed,
+            FailedSamples::Worst | FailedSamples::QuarantinesDesign
+        );
+        let of_others = match (self.failed, self.measure()) {
+            (FailedSamples::LeftOut, measure) => self.estimate_of(&finite, measure).ok(),
+            (_, Measure::Percentile { level }) if counts_as_worst => {
+                self.percentile_of_others(&finite, level, share, sd)
+            }
+            (_, measure @ Measure::Exceedance { .. }) if counts_as_worst => {
+                self.probability_of_others(&finite, measure, share)
+            }
+            _ => None,
+        };
+        if let Some(estimate) = of_others {
             return estimate;
         }
         let none = stats::Percentile {
@@ -103,14 +93,66 @@ impl Sampling {
         };
         stats::Choice {
             normal: none,
-            chosen: stats::Quantile {
+            chosen: stats::Estimate {
                 method: stats::Method::Normal,
                 n: none.n,
-                p90: none.p90,
+                value: none.p90,
                 variance: none.variance,
             },
             p_value: None,
         }
+    }
+
+    /// The percentile of all samples from those that have not failed, of which the failed ones are a `share` of all.
+    fn percentile_of_others(
+        &self,
+        finite: &[f64],
+        level: f64,
+        share: f64,
+        sd: f64,
+    ) -> Option<stats::Choice> {
+        let rest = 1.0 - share;
+        // The level among the others, and its derivative by the share. Failed samples lie below all others where
+        // large values are good.
+        let (level, by_share) = match self.objective.aim {
+            Aim::Maximise => ((level - share) / rest, (level - 1.0) / rest.powi(2)),
+            Aim::Minimise => (level / rest, level / rest.powi(2)),
+        };
+        if !(level > 0.0 && level < 1.0) {
+            return None;
+        }
+        let mut estimate = self
+            .estimate_of(finite, Measure::Percentile { level })
+            .ok()?;
+        // The share of failures is an estimate, too. Its variance enters by the slope of a normal
+        // distribution's quantile at this level.
+        let z = stats::normal_quantile(level);
+        let slope = sd * std::f64::consts::TAU.sqrt() * (0.5 * z * z).exp();
+        let n = finite.len() as f64 / rest;
+        let variance = (slope * by_share).powi(2) * share * rest / n;
+        estimate.chosen.variance += variance;
+        estimate.normal.variance += variance;
+        Some(estimate)
+    }
+
+    /// The probability of all samples, of which a `share` has failed and lies on the bad side.
+    fn probability_of_others(
+        &self,
+        finite: &[f64],
+        measure: Measure,
+        share: f64,
+    ) -> Option<stats::Choice> {
+        let mut estimate = self.estimate_of(finite, measure).ok()?;
+        let (rest, chosen) = (1.0 - share, &mut estimate.chosen);
+        let bad = match self.objective.aim {
+            Aim::Maximise => 0.0,
+            Aim::Minimise => 1.0,
+        };
+        let n = finite.len() as f64 / rest;
+        let of_share = (bad - chosen.value).powi(2) * share * rest / n;
+        chosen.value = rest * chosen.value + share * bad;
+        chosen.variance = rest * rest * chosen.variance + of_share;
+        Some(estimate)
     }
 }
 
@@ -121,10 +163,16 @@ mod tests {
     use super::*;
 
     fn sampling(failed: FailedSamples, counts_above: bool) -> Sampling {
+        let aim = match counts_above {
+            true => Aim::Maximise,
+            false => Aim::Minimise,
+        };
         let campaign = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
+        let mut objective = campaign.sampling.objective;
+        objective.aim = aim;
         Sampling {
             failed,
-            counts_above,
+            objective,
             ..campaign.sampling
         }
     }
@@ -140,7 +188,7 @@ mod tests {
         for above in [false, true] {
             let p90 = |policy, failed| {
                 let of = sampling(policy, above);
-                let estimate = of.estimate(&samples(&of, failed)).unwrap().chosen.p90;
+                let estimate = of.estimate(&samples(&of, failed)).unwrap().chosen.value;
                 if above { -estimate } else { estimate }
             };
             let near = |value: f64, z: f64| assert!((value - z).abs() < 0.02, "{value} {z}");
@@ -174,8 +222,8 @@ mod tests {
                 .collect();
             let estimate = of.estimate(&drawn).unwrap().chosen;
             // A few estimates in hundreds have too many failures for a percentile.
-            if estimate.p90.is_finite() {
-                values.push(estimate.p90);
+            if estimate.value.is_finite() {
+                values.push(estimate.value);
                 stated.push(estimate.variance);
             }
         }

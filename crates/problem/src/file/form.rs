@@ -8,8 +8,8 @@ use super::validate::Source;
 use super::{
     Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
     FileError, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture, Material,
-    Optimise, Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection,
-    VariableSection, Verify, wear,
+    Objective, Optimise, Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind,
+    SimulatorSection, VariableSection, Verify, wear,
 };
 
 /// The kind of a file.
@@ -57,6 +57,8 @@ pub(crate) struct GearFile {
     manufacture: Option<Manufacture>,
     bounds: Bounds,
     frozen: Option<FrozenSection>,
+    #[serde(default)]
+    objective: Objective,
     doe: Doe,
     sampling: Sampling,
     kriging: Kriging,
@@ -93,6 +95,8 @@ pub(crate) struct ExternalFile {
     #[serde(default)]
     constraints: Vec<ConstraintSection>,
     response: ResponseSection,
+    #[serde(default)]
+    objective: Objective,
     doe: Doe,
     sampling: Sampling,
     #[serde(default)]
@@ -205,7 +209,7 @@ impl From<GearFile> for Campaign {
             seed: file.seed,
             kind: Kind::Gears(Box::new(sections)),
             doe: file.doe,
-            sampling: file.sampling,
+            sampling: file.sampling.of(file.objective),
             kriging: file.kriging,
             optimise: file.optimise,
             verify: file
@@ -219,7 +223,7 @@ impl From<GearFile> for Campaign {
 
 impl From<ExternalFile> for Campaign {
     fn from(file: ExternalFile) -> Self {
-        let sampling = file.sampling.of_aim(file.response.aim);
+        let sampling = file.sampling.of(file.objective);
         Self {
             name: file.name,
             seed: file.seed,
@@ -272,6 +276,7 @@ impl From<Campaign> for Form {
                 manufacture: sections.manufacture,
                 bounds: sections.bounds,
                 frozen: sections.frozen,
+                objective: sampling.objective,
                 doe,
                 sampling,
                 kriging,
@@ -293,6 +298,7 @@ impl From<Campaign> for Form {
                 variables: sections.variables,
                 constraints: sections.constraints,
                 response: sections.response,
+                objective: sampling.objective,
                 doe,
                 sampling,
                 kriging,

@@ -1,13 +1,13 @@
-//! `[sampling]`: the number of samples of a design, and the estimation of the percentile.
+//! `[sampling]`: the number of samples of a design, and the estimation of the measure.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use stats::{HarrellDavisVariance, SequentialRule};
 
 use super::validate::Source;
-use super::{Aim, FailedSamples, FileError};
+use super::{FailedSamples, FileError, Objective};
 
-/// `[sampling]`: how many samples a design gets, and how the percentile is estimated.
+/// `[sampling]`: how many samples a design gets, and how the measure is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
@@ -17,7 +17,7 @@ pub struct Sampling {
     #[serde(default)]
     #[schemars(extend("default" = null))]
     pub samples_per_design: u32,
-    /// Target standard error of the percentile, in the response's unit: each design gets samples until it is
+    /// Target standard error of the measure, in its unit: each design gets samples until it is
     /// reached.
     pub precision: Option<f64>,
     /// Maximum number of samples of a design, with a precision.
@@ -25,14 +25,10 @@ pub struct Sampling {
     /// Constraint violation, summed as in the paper's (5), above which a design gets no samples. If absent,
     /// 0 with a precision, and without one all simulable designs get samples.
     pub skip_violation: Option<f64>,
-    /// Level of the percentile, from 0.001 to 0.999. Of a response that is maximised it is the share of the
-    /// samples above the percentile: 0.9 stands for P10.
-    #[serde(default = "papers_level")]
-    pub level: f64,
-    /// The estimator of the percentile. If absent, `"chosen"` for independent samples without a control variate, and
+    /// The estimator of the measure. If absent, `"chosen"` for independent samples without a control variate, and
     /// `"normal"` for others.
-    pub percentile: Option<PercentileRule>,
-    /// Control variate that reduces the variance of the percentile.
+    pub estimator: Option<EstimatorRule>,
+    /// Control variate that reduces the variance of the measure.
     #[serde(default)]
     pub control: ControlVariate,
     /// The scheme by which the wear of a design's samples is drawn.
@@ -44,15 +40,9 @@ pub struct Sampling {
     /// an external simulator.
     #[serde(default)]
     pub failed: FailedSamples,
-    /// Whether the response is maximised, so that its level counts the samples above the percentile. It
-    /// follows from `[response] aim`.
+    /// `[objective]`: the measure that is estimated.
     #[serde(skip)]
-    pub counts_above: bool,
-}
-
-/// The level of the paper's percentile.
-const fn papers_level() -> f64 {
-    Sampling::LEVEL
+    pub objective: Objective,
 }
 
 /// The dependence between the coefficients (Karhunen–Loève) of the random wear of a design's
@@ -79,38 +69,37 @@ pub enum ControlVariate {
     None,
     /// The part of ΔSTE that is linear in the coefficients of the wear. It
     /// costs two analyses per coefficient, about 26 per design, and explains nearly all of a sample's
-    /// variance, so the percentile from 30 samples is as good as one from thousands.
+    /// variance, so the measure from 30 samples is as good as one from thousands.
     Linearised,
 }
 
-/// The estimator of the percentile of a design of the DoE or an infill point. `coordinator tradeoff` measures
+/// The estimator of the measure of a design of the DoE or an infill point. `coordinator tradeoff` measures
 /// their errors on normal and other responses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum PercentileRule {
+pub enum EstimatorRule {
     /// The paper's m + 1.28 s with the variance of (14). At another level z is exact.
     Paper,
     /// An unbiased m + z s, with exact z and the exact variance for normal samples.
     Normal,
-    /// Harrell and Davis's estimator with its jackknife variance, whatever the distribution; as `normal`
-    /// if the samples are too few for the level.
-    HarrellDavis,
-    /// Like `normal`, but with Harrell and Davis's estimator and its jackknife variance if
-    /// Lilliefors' test rejects normality. The default for independent samples.
+    /// Harrell and Davis's estimator of a percentile with its jackknife variance, and the mean of the scores of any
+    /// other measure, whatever the distribution; as `normal` if the samples are too few for the level.
+    DistributionFree,
+    /// Like `normal`, but like `distribution-free` if Lilliefors' test rejects normality. The default for independent samples.
     Chosen,
     /// Like `chosen`, with the exact bootstrap variance in place of the jackknife's. It has its own
     /// name because the variance decides about further samples and enters the models.
     ChosenBootstrap,
 }
 
-impl PercentileRule {
+impl EstimatorRule {
     /// The variance estimate used for samples that are not normal; `None` if all are treated as
     /// normal.
     #[must_use]
     pub const fn harrell_davis(self) -> Option<HarrellDavisVariance> {
         match self {
             Self::Paper | Self::Normal => None,
-            Self::HarrellDavis | Self::Chosen => Some(HarrellDavisVariance::Jackknife),
+            Self::DistributionFree | Self::Chosen => Some(HarrellDavisVariance::Jackknife),
             Self::ChosenBootstrap => Some(HarrellDavisVariance::Bootstrap),
         }
     }
@@ -122,10 +111,10 @@ impl Sampling {
     /// Default number of samples in a quasi-random sequence.
     const GROUP: u32 = 8;
 
-    /// The settings of a response with this aim.
-    pub(super) fn of_aim(self, aim: Aim) -> Self {
+    /// The settings for this objective.
+    pub(super) fn of(self, objective: Objective) -> Self {
         Self {
-            counts_above: aim == Aim::Maximise,
+            objective: objective.resolved(),
             ..self
         }
     }
@@ -183,7 +172,7 @@ impl Sampling {
 
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
         let plain = self.control == ControlVariate::None;
-        let rule = self.rule_of_percentile();
+        let rule = self.estimator_rule();
         source.require(
             is_external || self.failed == FailedSamples::default(),
             "sampling.failed",
@@ -198,9 +187,23 @@ impl Sampling {
         )?;
         source.require(
             plain || rule.harrell_davis().is_none(),
-            "sampling.percentile",
+            "sampling.estimator",
             rule,
-            "\"paper\" or \"normal\" with a control variate, whose percentile is a normal one",
+            "\"paper\" or \"normal\" with a control variate, whose estimate is m + z s of a normal response",
+        )?;
+        source.require(
+            rule != EstimatorRule::ChosenBootstrap || self.objective.level().is_some(),
+            "sampling.estimator",
+            rule,
+            "another beside a measure that is no percentile, which alone has the bootstrap variance",
+        )?;
+        let even = self.coefficients != WearCoefficients::Independent;
+        source.require(
+            !self.objective.is_probability() || plain && !even,
+            "objective.measure",
+            "exceedance",
+            "another beside a control variate or coefficients that depend on each other, with which \
+             the measure is m + z s",
         )?;
         source.require(
             plain || self.precision.is_none(),
@@ -215,12 +218,6 @@ impl Sampling {
             self.samples_per_design,
             4,
             1_000_000,
-        )?;
-        source.require(
-            (0.001..=0.999).contains(&self.level),
-            "sampling.level",
-            self.level,
-            "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
         )?;
         if let Some(precision) = self.precision {
             source.positive("sampling.precision", precision)?;
@@ -251,7 +248,7 @@ impl Sampling {
         source: Source<'_>,
         is_external: bool,
     ) -> Result<(), FileError> {
-        let rule = self.rule_of_percentile();
+        let rule = self.estimator_rule();
         if let Some(group) = self.group {
             source.require(
                 self.coefficients == WearCoefficients::QuasiRandom,
@@ -287,7 +284,7 @@ impl Sampling {
             ),
             (
                 rule.harrell_davis().is_none(),
-                "\"independent\" beside a percentile that is chosen: the test of normality takes \
+                "\"independent\" beside an estimator that tests for normality: the test of normality takes \
                  samples that do not depend on each other",
             ),
         ];
@@ -302,7 +299,7 @@ impl Sampling {
             "sampling.samples_per_design",
             k,
             &format!(
-                "a multiple of {group} from {fewest} on with these coefficients: the percentile's variance \
+                "a multiple of {group} from {fewest} on with these coefficients: the measure's variance \
                  comes from the scatter of whole groups of {group} samples"
             ),
         )
@@ -392,7 +389,7 @@ mod tests {
                 "sampling.coefficients is \"antithetic\"",
             ),
             (
-                "coefficients = \"antithetic\"\npercentile = \"chosen\"",
+                "coefficients = \"antithetic\"\nestimator = \"chosen\"",
                 "sampling.coefficients is \"antithetic\"",
             ),
             ("precision = 0.0", "sampling.precision is 0.0"),
@@ -402,14 +399,14 @@ mod tests {
                 "a whole number from 30",
             ),
             ("skip_violation = -0.1", "sampling.skip_violation is -0.1"),
-            ("percentile = \"median\"", "percentile"),
+            ("estimator = \"median\"", "estimator"),
             (
                 "precision = 0.1\ncontrol = \"linearised\"",
                 "sampling.precision is 0.1",
             ),
             (
-                "percentile = \"chosen\"\ncontrol = \"linearised\"",
-                "sampling.percentile is \"chosen\"",
+                "estimator = \"chosen\"\ncontrol = \"linearised\"",
+                "sampling.estimator is \"chosen\"",
             ),
         ] {
             let error = parse(text).unwrap_err();

@@ -1,7 +1,7 @@
 //! A problem that is stated in the campaign file and simulated by a program of the user's.
 
 use super::{Analysis, Constraint, Coordinate, Criteria, Quantity};
-use crate::file::{Aim, ExternalSections};
+use crate::file::ExternalSections;
 
 /// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
 const LARGEST: f64 = 1e100;
@@ -86,10 +86,6 @@ impl External {
         Err(format!(
             "is {value:?}{unit}, {side} the {which} plausible value {limit:?}{unit} ({key})"
         ))
-    }
-
-    pub(super) const fn aim(&self) -> Aim {
-        self.sections.response.aim
     }
 
     pub(super) const fn has_baseline(&self) -> bool {

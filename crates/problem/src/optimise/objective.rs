@@ -309,7 +309,7 @@ impl Objective {
             Approach::Direct if !feasible => 0.0,
             Approach::Direct => {
                 let estimate = problem.campaign().sampling.estimate(&answer.samples);
-                estimate.map_or(f64::NAN, |estimate| estimate.chosen.p90)
+                estimate.map_or(f64::NAN, |estimate| estimate.chosen.value)
             }
             _ => candidate.predicted.unwrap_or(analysis.value),
         };

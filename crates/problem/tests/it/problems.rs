@@ -75,8 +75,8 @@ fn a_response_to_be_maximised_keeps_its_name_and_sign_and_its_level_counts_from_
     assert_eq!(problem.cost(2.0), -2.0);
     let sampling = &problem.campaign().sampling;
     assert_eq!(
-        (sampling.level(), &*sampling.percentile_name()),
-        (0.1, "P10")
+        (sampling.objective.level(), &*problem.measured().name),
+        (Some(0.1), "P10")
     );
     // Workers and the store read the campaign back from JSON.
     let read = problem::Campaign::from_json(&campaign.to_json()).unwrap();
@@ -84,7 +84,7 @@ fn a_response_to_be_maximised_keeps_its_name_and_sign_and_its_level_counts_from_
     let samples: Vec<f64> = (0..101).map(f64::from).collect();
     let verified = read.sampling.verified(&samples).unwrap();
     assert!((verified.value - 10.0).abs() < 1.0, "{verified:?}");
-    let estimate = read.sampling.estimate(&samples).unwrap().chosen.p90;
+    let estimate = read.sampling.estimate(&samples).unwrap().chosen.value;
     assert!(estimate < 20.0, "{estimate}");
 }
 
@@ -107,7 +107,7 @@ fn what_is_wrong_is_named_with_its_line() {
         (
             "aim = \"minimise\"",
             "aim = \"least\"",
-            "response.aim is \"least\"",
+            "objective.aim is \"least\"",
         ),
         ("designs = 150", "designs = 1", "doe.designs is 1"),
         ("[doe]", "[pair]\nteeth = 3\n[doe]", "pair"),

@@ -118,7 +118,7 @@ impl DesignRecord<'_> {
             samples >= u64::from(sampling.samples_max())
                 || self
                     .response
-                    .is_some_and(|row| row.percentile_variance.sqrt() <= precision)
+                    .is_some_and(|row| row.measure_variance.sqrt() <= precision)
         });
         if self.criteria.is_some() && samples >= wanted && is_precise {
             return String::new();
@@ -163,12 +163,12 @@ mod tests {
             reason: reason.map(str::to_owned),
             ..CriteriaRow::default()
         });
-        let response = variance.map(|percentile_variance| ResponseRow {
+        let response = variance.map(|measure_variance| ResponseRow {
             design: 0,
             mean: 1.0,
             standard_deviation: 1.0,
-            percentile: 2.0,
-            percentile_variance,
+            measure: 2.0,
+            measure_variance,
             lilliefors_p: None,
         });
         let record = DesignRecord {

@@ -68,7 +68,7 @@ fn cells(problem: &Problem, first: Vec<Cell>, row: EvaluationRow) -> Vec<Cell> {
     let percentile = problem.campaign().sampling.estimate(&samples).ok();
     cells.extend(row![
         samples.len(),
-        percentile.map(|estimate| estimate.chosen.p90),
+        percentile.map(|estimate| estimate.chosen.value),
     ]);
     cells
 }

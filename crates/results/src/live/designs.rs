@@ -11,7 +11,7 @@ use problem::formulation::Problem;
 use stages::cost::Cost;
 use stages::responses::{Samples, response_of};
 use stages::{choosing, names, optima};
-use stats::OrderStatistic;
+use stats::Verified;
 use store::{CriteriaRow, DesignRow, Progress, ResponseRow, Store};
 
 use crate::live::views::{BestOfDoe, Point};
@@ -114,13 +114,13 @@ impl Designs {
         let point = |row: &ResponseRow| {
             let design = self.designs.get(row.design as usize)?;
             // A design without a percentile: too many of its samples failed.
-            if !row.percentile.is_finite() {
+            if !row.measure.is_finite() {
                 return None;
             }
             Some(Point {
                 design: row.design,
                 x: design.x.clone(),
-                value: row.percentile,
+                value: row.measure,
             })
         };
         rows.iter().filter_map(point).collect()
@@ -143,14 +143,14 @@ impl Designs {
         let found = optimum.found.ok()?;
         let response = responses
             .iter()
-            .find(|response| response.percentile.total_cmp(&found.criterion).is_eq())?;
-        let half = Z95 * response.percentile_variance.sqrt();
+            .find(|response| response.measure.total_cmp(&found.criterion).is_eq())?;
+        let half = Z95 * response.measure_variance.sqrt();
         Some(BestOfDoe {
             number: response.design,
-            percentile: OrderStatistic {
+            percentile: Verified {
                 n: problem.campaign().sampling.samples_per_design as usize,
-                value: response.percentile,
-                interval: Some((response.percentile - half, response.percentile + half)),
+                value: response.measure,
+                interval: Some((response.measure - half, response.measure + half)),
             },
             found,
         })

@@ -393,7 +393,7 @@ impl Site {
         let point = names::verification(Approach::EnrichedKriging);
         let verified = self.store.values_of(point).await?;
         let enrichment = report::rounds(problem, &rows, &infill, &verified)?;
-        let percentile = problem.campaign().sampling.percentile_name();
+        let percentile = problem.measured().name.into_owned();
         in_background(move || views::rounds(enrichment.as_ref(), &percentile)).await
     }
 }

@@ -19,9 +19,8 @@ pub struct DoePoint {
 /// The simulable designs, in their order.
 pub(super) fn points(snapshot: &Snapshot) -> Vec<DoePoint> {
     let percentiles = snapshot.responses.iter();
-    let percentiles: BTreeMap<u64, f64> = percentiles
-        .map(|row| (row.design, row.percentile))
-        .collect();
+    let percentiles: BTreeMap<u64, f64> =
+        percentiles.map(|row| (row.design, row.measure)).collect();
     let simulable = snapshot.criteria.iter().filter(|row| row.simulable);
     simulable
         .map(|row| {

@@ -120,7 +120,7 @@ pub fn rounds(
     }
     let verified = problem.campaign().sampling.verified(verified).ok();
     Ok(Some(Enrichment {
-        unit: problem.sampled().unit.to_string(),
+        unit: problem.measured().unit.to_string(),
         rounds,
         tolerance: section.tolerance,
         stop,

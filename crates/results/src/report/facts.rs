@@ -1,9 +1,9 @@
 //! Facts about simulator and sampling, for the tiles of the report.
 
 use gear::{Discretisation, LocalAmount, Wear, WearLaw};
-use problem::file::{ControlVariate, PercentileRule, SIGNIFICANCE};
+use problem::file::{ControlVariate, EstimatorRule, SIGNIFICANCE};
 use stages::designs;
-use stats::HarrellDavisVariance;
+use stats::{HarrellDavisVariance, Measure};
 
 use crate::snapshot::Snapshot;
 
@@ -39,7 +39,7 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
     }
     facts.extend(ruled_out(snapshot));
     facts.extend(precision(snapshot));
-    facts.extend(percentiles(snapshot));
+    facts.extend(estimator(snapshot));
     if campaign.sampling.control == ControlVariate::Linearised {
         facts.push((
             "control variate".to_owned(),
@@ -54,7 +54,7 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
             format!("quasi-random, in scrambled Sobol sequences of {group} samples")
         }
     };
-    let percentile = campaign.sampling.percentile_name();
+    let percentile = campaign.measure_name();
     facts.push((
         "coefficients of the wear".to_owned(),
         format!("{coefficients}; {percentile} is m + z s, with the jackknife variance over them"),
@@ -109,12 +109,16 @@ fn ruled_out(snapshot: &Snapshot) -> Option<(String, String)> {
 fn precision(snapshot: &Snapshot) -> Option<(String, String)> {
     let sampling = &snapshot.problem.campaign().sampling;
     let precision = sampling.precision?;
-    let reached = |row: &&store::ResponseRow| row.percentile_variance.sqrt() <= precision;
+    let unit = match &*snapshot.problem.measured().unit {
+        "" => String::new(),
+        unit => format!(" {unit}"),
+    };
+    let reached = |row: &&store::ResponseRow| row.measure_variance.sqrt() <= precision;
     let reached = snapshot.responses.iter().filter(reached).count();
     Some((
-        format!("precision of {}", sampling.percentile_name()),
+        format!("precision of {}", snapshot.measure_name()),
         format!(
-            "{precision} µm, reached by {reached} of {} designs with {} samples (at most {} each)",
+            "{precision}{unit}, reached by {reached} of {} designs with {} samples (at most {} each)",
             snapshot.responses.len(),
             snapshot.samples,
             sampling.samples_max()
@@ -122,8 +126,8 @@ fn precision(snapshot: &Snapshot) -> Option<(String, String)> {
     ))
 }
 
-/// The estimator of the percentile, and the number of designs whose samples are not normal.
-fn percentiles(snapshot: &Snapshot) -> Option<(String, String)> {
+/// The estimator of the measure, and the number of designs whose samples are not normal.
+fn estimator(snapshot: &Snapshot) -> Option<(String, String)> {
     let sampling = &snapshot.problem.campaign().sampling;
     // The fact about the coefficients names the estimator.
     if sampling.coefficients() != stats::Sampling::Independent {
@@ -136,33 +140,40 @@ fn percentiles(snapshot: &Snapshot) -> Option<(String, String)> {
         snapshot.responses.len(),
         100.0 * SIGNIFICANCE
     );
-    let rule = sampling.rule_of_percentile();
-    let needed = stats::harrell_davis_min_samples(sampling.level());
+    let rule = sampling.estimator_rule();
+    let needed = sampling.measure().free_min_samples();
     let is_served = sampling.samples_per_design as usize >= needed;
     let variance = match rule.harrell_davis() {
         Some(HarrellDavisVariance::Bootstrap) => "exact bootstrap variance",
         _ => "jackknife variance",
     };
-    let normal = match rule {
-        PercentileRule::Paper => "m + z s",
+    let measure = sampling.measure();
+    let normal = match (rule, measure) {
+        (_, Measure::Mean) => "m",
+        (_, Measure::Exceedance { .. }) => "that of a normal response",
+        (EstimatorRule::Paper, _) => "m + z s",
         // s/c₄ has no bias, z is exact.
         _ => "m + z s/c₄ (s without bias)",
     };
+    let free = match measure {
+        Measure::Percentile { .. } => format!("Harrell–Davis ({variance})"),
+        _ => "without a distribution".to_owned(),
+    };
     let text = match rule {
-        PercentileRule::HarrellDavis if is_served => {
-            format!("Harrell–Davis ({variance}) for all designs; {of_them}")
+        EstimatorRule::DistributionFree if is_served => {
+            format!("{free} for all designs; {of_them}")
         }
-        PercentileRule::Chosen | PercentileRule::ChosenBootstrap if is_served => {
-            format!("{normal}; Harrell–Davis ({variance}) for the {of_them}")
+        EstimatorRule::Chosen | EstimatorRule::ChosenBootstrap if is_served => {
+            format!("{normal}; {free} for the {of_them}")
         }
-        PercentileRule::Paper | PercentileRule::Normal => {
+        EstimatorRule::Paper | EstimatorRule::Normal => {
             format!("{normal} for all designs, also for the {of_them}")
         }
         _ => format!(
             "{normal} for all designs, also for the {of_them}: {} of samples that are not normal takes \
              {needed} samples a design",
-            sampling.percentile_name()
+            snapshot.measure_name()
         ),
     };
-    Some(("percentile".to_owned(), text))
+    Some(("estimator".to_owned(), text))
 }

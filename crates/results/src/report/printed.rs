@@ -1,9 +1,9 @@
 //! The designs that the paper prints, on this model.
 
-use problem::file::{PercentileRule, SIGNIFICANCE, Sampling};
+use problem::file::{EstimatorRule, SIGNIFICANCE, Sampling};
 use stages::references::design;
 use stages::responses::{self, Samples};
-use stats::OrderStatistic;
+use stats::Verified;
 
 use super::drawing::{self, Illustration};
 use super::paper::{self, Place};
@@ -51,7 +51,7 @@ pub struct SimilarDesign {
     /// ΔSTE with Archard's wear, µm.
     pub delta_ste_archard_um: f64,
     /// The 90 % percentile; `None` without samples.
-    pub p90: Option<OrderStatistic>,
+    pub p90: Option<Verified>,
 }
 
 /// A design of Figures 6 to 10.
@@ -140,7 +140,7 @@ fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
     let sampling = &snapshot.problem.campaign().sampling;
     let k = sampling.samples_per_design as usize;
     let of_paper = Sampling {
-        percentile: Some(PercentileRule::Paper),
+        estimator: Some(EstimatorRule::Paper),
         ..*sampling
     };
     let rows = paper::PRELIMINARY.iter().enumerate();
@@ -158,7 +158,7 @@ fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
             samples: samples.len() as u64,
             mean_um: response.mean,
             sd_um: response.standard_deviation,
-            p90_um: response.percentile,
+            p90_um: response.measure,
             lilliefors_p: response.lilliefors_p.unwrap_or(f64::NAN),
             p90_variance_um2: variance.unwrap_or(f64::NAN),
         })

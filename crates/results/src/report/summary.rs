@@ -2,7 +2,7 @@
 
 use problem::Approach;
 use problem::formulation::Constraint;
-use stats::OrderStatistic;
+use stats::Verified;
 
 use super::contents::Report;
 use super::head;
@@ -43,7 +43,7 @@ impl<'a> SummaryView<'a> {
                 }
                 None => format!(
                     "No approach ended on a feasible design with a verified {}.",
-                    report.snapshot.percentile_name()
+                    report.snapshot.measure_name()
                 ),
                 Some(best) => headline(report, best),
             },
@@ -100,7 +100,7 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
         Some(_) => "ΔSTE",
         None => &problem.sampled().name,
     };
-    let unit = &problem.sampled().unit;
+    let unit = &problem.measured().unit;
     let ends = best.percentile.and_then(|percentile| percentile.interval);
     let value = best
         .percentile
@@ -114,15 +114,14 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
     let mut text = format!(
         "The recommended design has a verified {} of {response} of {value} ({interval}, {} samples). It was found \
          by the approach “{}”.",
-        report.snapshot.percentile_name(),
+        report.snapshot.measure_name(),
         count(best.samples().len() as u64),
         approach_name(problem, best.optimum.approach),
     );
     if ends.is_none() {
         text += " The samples are too few for an interval at this level.";
     }
-    let is_alike =
-        |difference: OrderStatistic| difference.interval.is_some_and(|(low, _)| low <= 0.0);
+    let is_alike = |difference: Verified| difference.interval.is_some_and(|(low, _)| low <= 0.0);
     let alike: Vec<&str> = behind(report)
         .filter(|(_, difference)| is_alike(*difference))
         .map(|(name, _)| name)
@@ -137,7 +136,7 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
 }
 
 /// The other ranked approaches, with how much worse their percentiles are.
-fn behind(report: &Report) -> impl Iterator<Item = (&'static str, OrderStatistic)> {
+fn behind(report: &Report) -> impl Iterator<Item = (&'static str, Verified)> {
     let name = |other: &VerifiedOptimum| approach_name(report.problem(), other.optimum.approach);
     let ranked = report.snapshot.optima.ranked();
     ranked.filter_map(move |other| Some((name(other), other.behind?)))
@@ -145,7 +144,7 @@ fn behind(report: &Report) -> impl Iterator<Item = (&'static str, OrderStatistic
 
 /// The differences of the other approaches, from samples with the same random numbers.
 fn others(report: &Report) -> String {
-    let unit = &report.problem().sampled().unit;
+    let unit = &report.problem().measured().unit;
     let others: Vec<String> = behind(report)
         .filter_map(|(name, difference)| {
             let ends = difference.interval?;

@@ -1,6 +1,7 @@
 //! Statistics against published and certified numbers.
 
 mod exact;
+mod measure;
 mod moments;
 mod normality;
 mod order;

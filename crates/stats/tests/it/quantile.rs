@@ -3,7 +3,7 @@ use rand_distr::{Distribution, Exp1, StandardNormal};
 use statrs::function::beta::beta_reg;
 use stats::streams::{Purpose, stream};
 use stats::{
-    ChoiceRule, Error, HarrellDavisVariance, Method, NormalOptions, VarianceFormula, choose_p90,
+    ChoiceRule, Error, HarrellDavisVariance, Method, NormalOptions, VarianceFormula, choose,
     exact_bootstrap_variance, harrell_davis, harrell_davis_min_samples, harrell_davis_p90,
     percentile_p90,
 };
@@ -35,7 +35,7 @@ fn harrell_davis_weights_are_integrals_of_the_beta_density() {
     let ours = harrell_davis_p90(&samples).unwrap();
     // Simpson's error is far below the incomplete beta function's, 1e-12.
     assert!(
-        (ours.p90 - expected).abs() < 1e-9 * expected,
+        (ours.value - expected).abs() < 1e-9 * expected,
         "{ours:?} {expected}"
     );
 }
@@ -53,8 +53,8 @@ fn order_statistics_serve_where_samples_are_skewed() {
             .collect();
         let davis = harrell_davis_p90(&sample).unwrap();
         sums[0] += percentile_p90(&sample).unwrap().p90;
-        sums[1] += davis.p90;
-        squares += (davis.p90 - truth).powi(2);
+        sums[1] += davis.value;
+        squares += (davis.value - truth).powi(2);
         promised += davis.variance;
     }
     let bias = sums.map(|sum| sum / repeats as f64 - truth);
@@ -78,12 +78,12 @@ fn harrell_and_daviss_bootstrap_variance_is_that_of_resampling() {
         .collect();
     let exact = harrell_davis(&sample, 0.9, HarrellDavisVariance::Bootstrap).unwrap();
     let jackknife = harrell_davis_p90(&sample).unwrap();
-    assert_eq!(exact.p90, jackknife.p90);
+    assert_eq!(exact.value, jackknife.value);
     assert_ne!(exact.variance, jackknife.variance);
     let (mut sum, mut squares, repeats) = (0.0, 0.0, 20_000);
     for _ in 0..repeats {
         let again: Vec<f64> = (0..n).map(|_| sample[rng.random_range(0..n)]).collect();
-        let deviation = harrell_davis_p90(&again).unwrap().p90 - exact.p90;
+        let deviation = harrell_davis_p90(&again).unwrap().value - exact.value;
         sum += deviation;
         squares += deviation * deviation;
     }
@@ -141,8 +141,8 @@ fn the_bootstrap_variance_is_near_the_true_one() {
             .take(n)
             .collect();
         let found = harrell_davis(&sample, 0.9, HarrellDavisVariance::Bootstrap).unwrap();
-        sum += found.p90;
-        squares += found.p90 * found.p90;
+        sum += found.value;
+        squares += found.value * found.value;
         promised += found.variance;
     }
     let count = repeats as f64;
@@ -161,10 +161,10 @@ fn the_rule_follows_normality() {
         let sample: Vec<f64> = Distribution::<f64>::sample_iter(StandardNormal, &mut rng)
             .take(30)
             .collect();
-        let choice = choose_p90(&sample, &rule).unwrap();
+        let choice = choose(&sample, &rule).unwrap();
         assert_eq!(choice.normal, percentile_p90(&sample).unwrap());
         if choice.chosen.method == Method::Normal {
-            assert_eq!(choice.chosen.p90, choice.normal.p90);
+            assert_eq!(choice.chosen.value, choice.normal.p90);
         } else {
             rejected += 1;
         }
@@ -176,7 +176,7 @@ fn the_rule_follows_normality() {
     let skewed: Vec<f64> = Distribution::<f64>::sample_iter(Exp1, &mut rng)
         .take(100)
         .collect();
-    let choice = choose_p90(&skewed, &rule).unwrap();
+    let choice = choose(&skewed, &rule).unwrap();
     assert_eq!(choice.chosen, harrell_davis_p90(&skewed).unwrap());
     assert!(choice.p_value.unwrap() < 0.01);
 
@@ -185,7 +185,7 @@ fn the_rule_follows_normality() {
         ..rule
     };
     assert!(matches!(
-        choose_p90(&skewed, &odd),
+        choose(&skewed, &odd),
         Err(Error::OutOfRange { .. })
     ));
     assert!(harrell_davis_p90(&[f64::NAN; 12]).is_err());
@@ -209,7 +209,7 @@ fn every_level_has_its_percentile_and_its_variance() {
         };
         let of_order = |sample: &[f64]| {
             let found = harrell_davis(sample, level, HarrellDavisVariance::Jackknife).unwrap();
-            [found.p90, found.variance]
+            [found.value, found.variance]
         };
         let mut rows = [[0.0; 3]; 2];
         for i in 0..repeats {

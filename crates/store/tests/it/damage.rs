@@ -291,7 +291,7 @@ pub(crate) async fn with_every_row(path: &Path) {
         mean: 1.5,
         standard_deviation: 0.1,
         percentile: 1.75,
-        percentile_variance: 0.01,
+        measure_variance: 0.01,
         lilliefors_p: None,
     };
     store

@@ -55,7 +55,7 @@ async fn finished(store: &Store) {
         mean: 1.5,
         standard_deviation: 0.0,
         percentile: 1.5,
-        percentile_variance: 0.0,
+        measure_variance: 0.0,
         lilliefors_p: None,
     };
     store

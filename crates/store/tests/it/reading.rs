@@ -81,7 +81,7 @@ async fn every_table_gives_back_what_was_put() {
             mean: 2.0,
             standard_deviation: 0.7,
             percentile: 2.9,
-            percentile_variance: 0.01,
+            measure_variance: 0.01,
             lilliefors_p: Some(0.4),
         },
         ResponseRow {
@@ -89,7 +89,7 @@ async fn every_table_gives_back_what_was_put() {
             mean: 1.0,
             standard_deviation: 0.0,
             percentile: 1.0,
-            percentile_variance: 0.0,
+            measure_variance: 0.0,
             lilliefors_p: None,
         },
     ];
@@ -190,7 +190,7 @@ async fn stages_run_again_replace_their_results() {
             mean: value,
             standard_deviation: value,
             percentile: value,
-            percentile_variance: value,
+            measure_variance: value,
             lilliefors_p: None,
         };
         store

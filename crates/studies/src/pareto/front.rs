@@ -6,7 +6,7 @@ use problem::formulation::Problem;
 use problem::simulator::State;
 use problem::{Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
-use stats::OrderStatistic;
+use stats::Verified;
 use store::{CriteriaRow, Store};
 
 use crate::direct::{self, Start};
@@ -106,9 +106,9 @@ pub struct Point {
     pub variables: GearVariables,
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
-    pub p90: OrderStatistic,
+    pub p90: Verified,
     /// P90 from verification samples; `None` if there are none.
-    pub verified: Option<OrderStatistic>,
+    pub verified: Option<Verified>,
     /// Whether no other design is at least as good in both objectives, by verification samples where there
     /// are any.
     pub on_front: bool,
@@ -164,16 +164,16 @@ pub async fn of_doe(
             n: samples,
             mean: response.mean,
             sd: response.standard_deviation,
-            p90: response.percentile,
-            variance: response.percentile_variance,
+            p90: response.measure,
+            variance: response.measure_variance,
         };
         points.push(Point {
             source: Source::Doe(response.design),
             variables: design.gears(),
             criteria,
-            p90: OrderStatistic {
+            p90: Verified {
                 n: samples,
-                value: response.percentile,
+                value: response.measure,
                 interval: stats::p90_interval(&estimate, 0.95).ok(),
             },
             verified: None,
@@ -300,7 +300,7 @@ pub fn refine(
             source: Source::Search,
             variables: found.design.gears(),
             criteria: found.criteria.gears(),
-            p90: OrderStatistic {
+            p90: Verified {
                 n: problem.campaign().sampling.samples_per_design as usize,
                 value: found.criterion,
                 interval: None,
@@ -336,7 +336,7 @@ mod tests {
     fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let percentile = |value: f64| OrderStatistic {
+        let percentile = |value: f64| Verified {
             n: 30,
             value,
             interval: Some((value - 0.1, value + 0.1)),

@@ -41,7 +41,7 @@ pub fn write_tables(
          searches; intervals are of 95 %. A design is on the front if no other one is better in both \
          by verification samples.\n\n{}",
         problem.campaign().name,
-        sampling.percentile_name(),
+        problem.campaign().measure_name(),
         against.label(),
         all.len(),
         against.constraint(),
@@ -70,7 +70,7 @@ pub fn write_tables(
 }
 
 fn summary(problem: &Problem, against: Objective, points: &[Point]) -> PageTable {
-    let percentile = problem.campaign().sampling.percentile_name();
+    let percentile = problem.measured().name.into_owned();
     let mut table = PageTable::new([
         "design",
         against.label(),
@@ -100,7 +100,7 @@ fn summary(problem: &Problem, against: Objective, points: &[Point]) -> PageTable
 }
 
 fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
-    let estimated = sampling.percentile_columns();
+    let estimated = sampling.measure_columns();
     let verified = estimated
         .each_ref()
         .map(|column| format!("verified_{column}"));
@@ -147,7 +147,7 @@ fn chart(
         .map(|point| [at(point), point.judged()])
         .collect();
     charts::front(
-        &problem.campaign().sampling.percentile_name(),
+        &problem.measured().name.into_owned(),
         against.label(),
         against.limit(problem),
         &dots,
@@ -164,7 +164,7 @@ fn chart(
 mod tests {
     use gear::paper::printed::Place;
     use problem::Campaign;
-    use stats::OrderStatistic;
+    use stats::Verified;
 
     use super::*;
 
@@ -178,7 +178,7 @@ mod tests {
             source,
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, pressure),
-            p90: OrderStatistic {
+            p90: Verified {
                 n: 30,
                 value: 2.0,
                 interval: Some((1.9, 2.1)),

@@ -6,7 +6,7 @@ use results::report::Scale;
 use stats::streams::{Purpose, StreamRng, stream};
 use stats::{
     ChoiceRule, Control, EXACT_Z90, Error, Method as Estimator, PAPER_Z90, Percentile,
-    SensitivityPlan, SequentialRule, VarianceFormula, choose_p90, control_variate_p90,
+    SensitivityPlan, SequentialRule, VarianceFormula, choose, control_variate_p90,
     harrell_davis_p90, lilliefors, mean_sd, p90_interval, p90_variance, percentile_p90,
     samples_needed,
 };
@@ -212,10 +212,10 @@ fn chosen(outcome: &mut Outcome) -> Result<(), EntryError> {
             let samples: Vec<f64> = (0..k).map(|_| log_normal(&mut rng)).collect();
             let estimate = percentile_p90(&samples)?;
             of_normal += u32::from(covers(p90_interval(&estimate, 0.95)?, TRUTHS[2]));
-            let choice = choose_p90(&samples, &ChoiceRule::default())?.chosen;
-            changes += u32::from(choice.method == Estimator::HarrellDavis);
+            let choice = choose(&samples, &ChoiceRule::default())?.chosen;
+            changes += u32::from(choice.method == Estimator::DistributionFree);
             let estimate = Percentile {
-                p90: choice.p90,
+                p90: choice.value,
                 variance: choice.variance,
                 ..estimate
             };
@@ -259,27 +259,27 @@ fn outlier(outcome: &mut Outcome) -> Result<(), EntryError> {
     let mut samples: Vec<f64> = (0..29).map(|_| normal(&mut rng)).collect();
     samples.push(1e6);
     let test = lilliefors(&samples)?;
-    let choice = choose_p90(&samples, &ChoiceRule::default())?;
+    let choice = choose(&samples, &ChoiceRule::default())?;
     let name = variant(&choice.chosen.method);
     outcome.named(name);
     outcome.at_most("p-value of normality", test.p_value, "", 1e-3);
     let order = choice.chosen;
     outcome.holds(
         "order statistics take over",
-        order.method == Estimator::HarrellDavis,
+        order.method == Estimator::DistributionFree,
     );
     let normal = percentile_p90(&samples)?;
     outcome.at_most(
         "percentile of order statistics over m + z s",
-        order.p90 / normal.p90,
+        order.value / normal.p90,
         "",
         0.3,
     );
     outcome.figure("m + z s", normal.p90, "");
-    outcome.figure("percentile of order statistics", order.p90, "");
+    outcome.figure("percentile of order statistics", order.value, "");
     outcome.at_least(
         "its standard error over it",
-        order.variance.sqrt() / order.p90,
+        order.variance.sqrt() / order.value,
         "",
         0.9,
     );
@@ -306,7 +306,7 @@ fn too_few(outcome: &mut Outcome) -> Result<(), EntryError> {
     );
     lacks(mean_sd(&[1.0]).map(drop), "at least 2 samples, got 1");
     for samples in [&nine[..4], &nine] {
-        let choice = choose_p90(samples, &ChoiceRule::default())?.chosen;
+        let choice = choose(samples, &ChoiceRule::default())?.chosen;
         let is_normal = choice.method == Estimator::Normal;
         outcome.holds("for 4 and 9 samples m + z s is chosen", is_normal);
     }
@@ -328,7 +328,7 @@ fn equal(outcome: &mut Outcome) -> Result<(), EntryError> {
         mean_sd(&[0.1; 30])? == (0.1, 0.0),
     );
     outcome.refused_with(lilliefors(&samples), "Constant", "all 30 samples equal 2.5");
-    let choice = choose_p90(&samples, &ChoiceRule::default())?.chosen;
+    let choice = choose(&samples, &ChoiceRule::default())?.chosen;
     outcome.holds("m + z s is chosen", choice.method == Estimator::Normal);
     Ok(())
 }

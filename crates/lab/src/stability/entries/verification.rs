@@ -4,7 +4,7 @@ use rand_distr::{Distribution as _, StandardNormal};
 use results::report::Scale;
 use stats::reference::Reference;
 use stats::streams::{Purpose, stream};
-use stats::{OrderStatistic, order_interval_min_samples, order_statistic, paired_difference};
+use stats::{Verified, order_interval_min_samples, order_statistic, paired_difference};
 
 use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
@@ -46,7 +46,7 @@ pub(super) const ENTRIES: [Entry; 3] = [
 const CONFIDENCE: f64 = 0.95;
 const TIMES: u64 = 2000;
 
-fn covers(percentile: &OrderStatistic, truth: f64) -> bool {
+fn covers(percentile: &Verified, truth: f64) -> bool {
     let covers = |(low, high): (f64, f64)| low <= truth && truth <= high;
     percentile.interval.is_some_and(covers)
 }
@@ -146,7 +146,7 @@ fn difference(outcome: &mut Outcome) -> Result<(), EntryError> {
         let apart = paired_difference(&first, &second, LEVEL, CONFIDENCE)?;
         let apart = apart.ok_or("400 samples have an interval at level 0.9")?;
         covered += u32::from(covers(&apart, truth));
-        let width = |one: &OrderStatistic| one.interval.map_or(f64::NAN, |(low, high)| high - low);
+        let width = |one: &Verified| one.interval.map_or(f64::NAN, |(low, high)| high - low);
         paired += width(&apart);
         let alone = order_statistic(&first, LEVEL, CONFIDENCE)?;
         separate += std::f64::consts::SQRT_2 * width(&alone);

@@ -112,7 +112,7 @@ fn the_shipped_files_are_valid() {
 #[test]
 fn an_absent_flank_class_changes_no_digest_and_a_given_one_does() {
     let with = |section: &str| {
-        let normal = "[sampling]\npercentile = \"normal\"\n";
+        let normal = "[sampling]\nestimator = \"normal\"\n";
         let text = Campaign::WEAR.replacen("[sampling]\n", normal, 1);
         Campaign::parse("c.toml", &format!("{text}\n{section}")).map_err(|error| error.to_string())
     };
@@ -131,7 +131,7 @@ fn an_absent_flank_class_changes_no_digest_and_a_given_one_does() {
     assert!(perfect.warnings().is_empty());
     let warnings = six.warnings();
     assert!(
-        warnings.len() == 1 && warnings[0].contains("percentile = \"chosen\""),
+        warnings.len() == 1 && warnings[0].contains("estimator = \"chosen\""),
         "{warnings:?}"
     );
     let line = Campaign::WEAR.lines().count() + 4;

@@ -4,7 +4,7 @@ use problem::Design;
 use problem::formulation::{Constraint, Problem};
 use problem::optimise::Solution;
 use serde::Serialize;
-use stats::OrderStatistic;
+use stats::Verified;
 
 use crate::optima::VerifiedOptimum;
 use crate::report::{self, NamedValue, charts};
@@ -57,7 +57,7 @@ pub struct BestOfDoe {
     /// The design with its criteria.
     pub found: Solution,
     /// The estimate of the percentile with its 95 % confidence interval.
-    pub percentile: OrderStatistic,
+    pub percentile: Verified,
 }
 
 /// The best design so far: the `recommended` optimum if there is any, otherwise the best of the DoE,
@@ -87,9 +87,9 @@ pub fn best(
     Best {
         schema_version: SCHEMA_VERSION,
         finished,
-        percentile: problem.campaign().sampling.percentile_name(),
+        percentile: problem.measured().name.into_owned(),
         response: problem.sampled().name.to_string(),
-        unit: problem.sampled().unit.to_string(),
+        unit: problem.measured().unit.to_string(),
         note,
         best: verified.or_else(|| {
             let BestOfDoe {
@@ -117,7 +117,7 @@ fn of_design(
     name: String,
     verified: bool,
     found: &Solution,
-    percentile: OrderStatistic,
+    percentile: Verified,
 ) -> BestDesign {
     let variables = problem.variables().iter().zip(found.design.values());
     let (low, high) = percentile.interval.unwrap_or((f64::NAN, f64::NAN));

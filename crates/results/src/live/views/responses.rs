@@ -85,9 +85,9 @@ pub fn responses(
     });
     Responses {
         schema_version: SCHEMA_VERSION,
-        percentile: problem.campaign().sampling.percentile_name(),
+        percentile: problem.measured().name.into_owned(),
         response: problem.sampled().name.to_string(),
-        unit: problem.sampled().unit.to_string(),
+        unit: problem.measured().unit.to_string(),
         coordinates: coordinates.collect(),
         preliminary,
         designs,

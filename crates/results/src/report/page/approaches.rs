@@ -61,7 +61,7 @@ impl ApproachRow<'_> {
 
 /// Table 5.
 pub(super) fn approaches<'a>(report: &'a Report, gears: &GearFigures) -> Vec<ApproachRow<'a>> {
-    let percentile = report.snapshot.percentile_name();
+    let percentile = report.snapshot.measure_name();
     let row = |verified: &'a VerifiedOptimum| {
         let optimum = &verified.optimum;
         let approach = optimum.approach;

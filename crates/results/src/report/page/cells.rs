@@ -1,7 +1,7 @@
 //! Numbers in the cells of tables.
 
 use problem::formulation::Constraint;
-use stats::OrderStatistic;
+use stats::Verified;
 
 use crate::number::{self, MISSING, with_unit};
 
@@ -90,7 +90,7 @@ pub(super) trait ShowPercentile {
     fn interval(&self) -> String;
 }
 
-impl ShowPercentile for Option<OrderStatistic> {
+impl ShowPercentile for Option<Verified> {
     fn estimate(&self) -> String {
         self.map_or_else(
             || MISSING.to_owned(),

@@ -99,7 +99,7 @@ impl<'a> Body<'a> {
     fn new(report: &'a Report, gears: &'a GearFigures) -> Result<Self, Error> {
         use Response::{Archard, Percentile, Unworn};
         let snapshot = &report.snapshot;
-        let percentile = snapshot.percentile_name();
+        let percentile = snapshot.measure_name();
         let paper = gears.paper.as_ref();
         let responses = |name, x, y, extent| {
             figure(

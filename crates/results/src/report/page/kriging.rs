@@ -31,7 +31,7 @@ impl<'a> KrigingView<'a> {
         let Some((model, _)) = &snapshot.model else {
             return Ok(None);
         };
-        let unit = &*snapshot.problem.sampled().unit;
+        let unit = &*snapshot.problem.measured().unit;
         let slices = report.slices.iter().map(|slice| {
             let name = format!("kriging-{}", slice.variable);
             figure(&name, charts::slice(slice, unit))
@@ -39,7 +39,7 @@ impl<'a> KrigingView<'a> {
         Ok(Some(Self {
             title: format!(
                 "{} over {}",
-                snapshot.percentile_name(),
+                snapshot.measure_name(),
                 observations(snapshot, model)
             ),
             model,
@@ -89,7 +89,7 @@ fn quality(model: &ModelSummary, unit: &str) -> Vec<(&'static str, String)> {
 
 fn parameters(snapshot: &Snapshot, model: &ModelSummary) -> Vec<[String; 3]> {
     let problem = &snapshot.problem;
-    let unit = &*problem.sampled().unit;
+    let unit = &*problem.measured().unit;
     let squared = match unit {
         "" => String::new(),
         unit => format!("{unit}²"),

@@ -55,7 +55,7 @@ impl OptimumView {
                         verified,
                         found,
                         illustration,
-                        &report.snapshot.percentile_name(),
+                        &report.snapshot.measure_name(),
                     ),
                     match illustration {
                         Some(illustration) => figures(&anchor, &named, illustration)?,

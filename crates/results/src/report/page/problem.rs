@@ -1,6 +1,7 @@
 //! The page of a campaign with a problem of the user's.
 
 use askama::Template;
+use problem::Approach;
 use problem::formulation::Problem;
 
 use super::campaign::CampaignView;
@@ -20,7 +21,7 @@ pub(super) fn render(report: &Report) -> Result<ReportFiles, Error> {
     let snapshot = &report.snapshot;
     let page = Page {
         report,
-        percentile: snapshot.percentile_name(),
+        percentile: snapshot.measure_name(),
         response: &snapshot.problem.sampled().name,
         page_css: PAGE_STYLE,
         chart_css: svg::CSS,
@@ -73,7 +74,12 @@ struct OptimumRow<'a> {
 impl<'a> OptimumRow<'a> {
     fn new(problem: &Problem, verified: &'a VerifiedOptimum) -> Self {
         let optimum = &verified.optimum;
-        let unit = &problem.sampled().unit;
+        let unit = &problem.measured().unit;
+        // Searches without random effects minimise the response itself.
+        let of_criterion = match optimum.approach {
+            Approach::Nominal | Approach::Baseline => &*problem.sampled().unit,
+            _ => unit,
+        };
         let found = optimum.found_or_sentence();
         let (p90, interval) = match verified.percentile {
             None => (MISSING.to_owned(), MISSING.to_owned()),
@@ -92,7 +98,7 @@ impl<'a> OptimumRow<'a> {
             verified,
             criterion: found.as_ref().map_or_else(
                 |_| String::new(),
-                |found| with_unit(found.criterion, 4, unit),
+                |found| with_unit(found.criterion, 4, of_criterion),
             ),
             design: found.map(|found| {
                 let variables = variables(problem, &found.design).into_iter();

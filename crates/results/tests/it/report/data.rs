@@ -16,7 +16,7 @@ use stages::fitting::ModelSummary;
 use stages::optima::{NoOptimum, Optimum};
 use stages::stage::Stage;
 use stages::verification::Verification;
-use stats::OrderStatistic;
+use stats::Verified;
 use store::{CampaignRow, CriteriaRow};
 
 /// A small generator of its own, so that the data never change with a library.
@@ -398,8 +398,8 @@ fn runs() -> BTreeMap<Approach, Vec<OptimiserRun>> {
         .collect()
 }
 
-fn percentile(value: f64) -> OrderStatistic {
-    OrderStatistic {
+fn percentile(value: f64) -> Verified {
+    Verified {
         n: 500,
         value,
         interval: Some((value - 0.05, value + 0.05)),
