@@ -51,6 +51,7 @@
 mod bounds;
 mod error;
 mod evaluation;
+mod margin;
 mod minimise;
 mod options;
 mod parameters;

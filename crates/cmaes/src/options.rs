@@ -13,6 +13,9 @@ pub struct Options {
     pub step: f64,
     /// The box that no candidate leaves.
     pub bounds: Bounds,
+    /// Number of values of each variable that the caller rounds to as many equal cells of its interval; 0 for a
+    /// continuous one. Empty if all are continuous.
+    pub cells: Vec<usize>,
     /// Whether the worst candidates reduce the variance in their direction (negative weights, the
     /// tutorial's default) or are ignored.
     pub active: bool,
@@ -37,6 +40,7 @@ impl Options {
             parents: population / 2,
             step: 0.3,
             bounds,
+            cells: Vec::new(),
             active: true,
             resamples: 100,
             value_tolerance: 1e-12,

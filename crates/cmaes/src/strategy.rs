@@ -1,5 +1,6 @@
 //! The strategy: drawing candidates, and learning from their ranks.
 
+use crate::margin;
 use crate::parameters::Parameters;
 use crate::stop::Window;
 use crate::{Error, Evaluation, Options, Stop};
@@ -38,6 +39,8 @@ const LARGEST_CONDITION: f64 = 1e14;
 /// diverges. (All 101 seeds in 2 to 11 variables with the optimum in a corner, at two bounds or at
 /// one, converged; with a limit of one half or nine tenths, some did not.)
 ///
+/// **Discrete variables** keep a margin: [`Options::cells`], the module `margin`.
+///
 /// **Invariant.** Mean and candidates are within the bounds, all coordinates finite.
 #[derive(Debug, Clone)]
 pub struct CmaEs {
@@ -51,6 +54,8 @@ pub struct CmaEs {
     axes: DMatrix<f64>,
     /// D: square roots of its eigenvalues.
     lengths: DVector<f64>,
+    /// Stretch of the distribution along each variable, 1 but for discrete ones.
+    stretch: DVector<f64>,
     p_sigma: DVector<f64>,
     p_c: DVector<f64>,
     generation: usize,
@@ -67,7 +72,7 @@ pub struct CmaEs {
 struct Candidate {
     /// D⁻¹Bᵀy: the step in the distribution's own measure.
     z: DVector<f64>,
-    /// (x − m)/σ in the unit box, shortened if x was moved to the boundary and is too far out.
+    /// (x − m)/σ in the unit box, without the stretch, shortened if x was moved to the boundary and is too far out.
     y: DVector<f64>,
     /// x in the caller's units.
     x: Vec<f64>,
@@ -93,6 +98,7 @@ impl CmaEs {
             covariance: DMatrix::identity(n, n),
             axes: DMatrix::identity(n, n),
             lengths: DVector::from_element(n, 1.0),
+            stretch: DVector::from_element(n, 1.0),
             p_sigma: DVector::zeros(n),
             p_c: DVector::zeros(n),
             generation: 0,
@@ -248,7 +254,9 @@ impl CmaEs {
                 add(y.as_mut_slice(), length * z, axis);
             }
             unit.copy_from(&self.mean);
-            add(unit.as_mut_slice(), self.sigma, y.as_slice());
+            for ((u, y), stretch) in unit.iter_mut().zip(&y).zip(&self.stretch) {
+                *u += self.sigma * stretch * y;
+            }
             if unit.iter().all(|u| (0.0..=1.0).contains(u)) {
                 let x = self.options.bounds.unscale(unit.iter());
                 return Candidate {
@@ -259,10 +267,11 @@ impl CmaEs {
                 };
             }
         }
-        for ((u, y), m) in unit.iter_mut().zip(&mut y).zip(&self.mean) {
+        let centre = self.mean.iter().zip(&self.stretch);
+        for ((u, y), (m, stretch)) in unit.iter_mut().zip(&mut y).zip(centre) {
             if !(0.0..=1.0).contains(u) {
                 *u = u.clamp(0.0, 1.0);
-                *y = (*u - m) / self.sigma;
+                *y = (*u - m) / (self.sigma * stretch);
             }
         }
         for ((z, axis), length) in z.iter_mut().zip(self.axes.column_iter()).zip(&self.lengths) {
@@ -299,7 +308,9 @@ impl CmaEs {
             add(step.as_mut_slice(), *w, c.y.as_slice());
             add(own.as_mut_slice(), *w, c.z.as_slice());
         }
-        self.mean.axpy(self.sigma, &step, 1.0);
+        for ((m, step), stretch) in self.mean.iter_mut().zip(&step).zip(&self.stretch) {
+            *m += self.sigma * stretch * step;
+        }
         // An average of points in the box is in the box, up to rounding.
         self.mean.apply(|m| *m = m.clamp(0.0, 1.0));
 
@@ -354,6 +365,13 @@ impl CmaEs {
         self.sigma *= ((p.c_sigma / p.d_sigma) * (norm / p.chi - 1.0))
             .min(1.0)
             .exp();
+        margin::keep(
+            &self.options.cells,
+            self.options.population,
+            |i| self.sigma * self.covariance[(i, i)].sqrt(),
+            &mut self.mean,
+            &mut self.stretch,
+        );
 
         if self.generation >= self.decomposed_at + p.decompose_every {
             self.decompose();

@@ -35,6 +35,20 @@ impl Context<'_> {
         (self.exact)(x).unwrap_or(ExactCriteria::from(f64::NAN))
     }
 
+    /// The nearest design with possible values of the discrete variables.
+    pub(crate) fn rounded(&self, x: &[f64]) -> Vec<f64> {
+        let mut rounded = x.to_vec();
+        for (x, values) in rounded.iter_mut().zip(&self.options.values) {
+            let wanted = *x;
+            let distance = |value: &f64| (value - wanted).abs();
+            let nearest = values
+                .iter()
+                .min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            *x = nearest.copied().unwrap_or(wanted);
+        }
+        rounded
+    }
+
     /// The largest difference of any variable, as a share of its range.
     pub(crate) fn distance(&self, a: &[f64], b: &[f64]) -> f64 {
         let intervals = self.options.bounds.intervals().iter();

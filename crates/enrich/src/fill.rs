@@ -31,9 +31,8 @@ pub(crate) fn fill(context: &Context<'_>, batch: &mut Batch) {
 /// A uniformly distributed design of the box.
 fn random_design<R: Rng + ?Sized>(context: &Context<'_>, rng: &mut R) -> Vec<f64> {
     let intervals = context.options.bounds.intervals().iter();
-    intervals
-        .map(|(low, high)| low + (high - low) * rng.random::<f64>())
-        .collect()
+    let x = intervals.map(|(low, high)| low + (high - low) * rng.random::<f64>());
+    context.rounded(&x.collect::<Vec<_>>())
 }
 
 /// The random feasible design that is farthest from the nearest other one, among those that can
@@ -85,9 +84,10 @@ where
     };
     let mut violation = |x: &[f64]| cmaes::Evaluation {
         value: 0.0,
-        violation: context.exact_criteria(x).violation,
+        violation: context.exact_criteria(&context.rounded(x)).violation,
     };
     let found = cmaes::minimise_run(&start, run, rng, &mut violation).ok()?;
-    let is_new = !batch.new_designs().any(|x| context.is_same(x, &found.x));
-    (found.violation <= 0.0 && is_new).then_some(found.x)
+    let x = context.rounded(&found.x);
+    let is_new = !batch.new_designs().any(|other| context.is_same(other, &x));
+    (found.violation <= 0.0 && is_new).then_some(x)
 }

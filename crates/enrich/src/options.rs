@@ -53,6 +53,8 @@ impl fmt::Display for Criterion {
 pub struct Options {
     /// The box of the designs, in the caller's units.
     pub bounds: Bounds,
+    /// The values of each discrete variable, increasing; none for a continuous one. Empty if all are continuous.
+    pub values: Vec<Vec<f64>>,
     /// Seed of the searches within the models.
     pub seed: u64,
     /// The infill criterion.
@@ -104,6 +106,7 @@ impl Options {
         let d = bounds.dimension();
         Self {
             bounds,
+            values: Vec::new(),
             seed: 0,
             criterion: Criterion::ExpectedQuantileImprovement,
             kernel: Kernel::default(),

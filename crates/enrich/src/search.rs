@@ -36,6 +36,7 @@ where
     let options = context.options;
     let within = Bounds::new(region.bounds.clone())?;
     let mut evaluate = |x: &[f64]| -> Evaluation {
+        let x = &context.rounded(x)[..];
         let probability = context.probability(x);
         let criteria = if probability > 0.0 {
             context.exact_criteria(x)
@@ -105,6 +106,7 @@ where
         Err(error) => return Err(error.into()),
     };
     let (x, evaluation) = found;
+    let x = context.rounded(&x);
     if !evaluation.is_feasible() {
         return Ok(None);
     }

@@ -19,6 +19,7 @@ mod design;
 mod external;
 pub mod gears;
 mod quantity;
+mod random;
 mod space;
 
 pub use analysis::{Analysis, State};
@@ -27,6 +28,7 @@ pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
 pub use quantity::Quantity;
+pub use random::RandomInputs;
 pub use space::Coordinate;
 use space::{Derived, Space};
 
@@ -43,6 +45,7 @@ pub struct Problem {
     criteria: Vec<Quantity>,
     responses: Vec<Quantity>,
     sampled: Quantity,
+    random: Option<RandomInputs>,
     kind: Formulation,
 }
 
@@ -72,21 +75,23 @@ impl Problem {
                     criteria: gears::criteria(detailed),
                     responses: gears::responses(detailed),
                     sampled: gears::SAMPLED,
+                    random: None,
                     kind: Formulation::Gears(Box::new(gears::Gears::new(*sections))),
                     campaign,
                 }
             }
             Kind::External(sections) => {
                 let external = external::External::new(sections);
-                let space = Space::of_all(external.coordinates());
+                let space = external.space();
                 Self {
                     variables: external.variables(),
-                    base: Design::new(vec![0.0; space.coordinates().len()]),
+                    base: Design::new(vec![0.0; external.variables().len()]),
                     whole: space.clone(),
                     free: space,
                     criteria: external.criteria(),
                     responses: external.responses(),
                     sampled: external.sampled(),
+                    random: external.random(),
                     kind: Formulation::External(external),
                     campaign,
                 }
@@ -210,6 +215,13 @@ impl Problem {
         self.free.unit(x)
     }
 
+    /// Number of values of each coordinate of an approach, 0 of a continuous one.
+    #[must_use]
+    pub fn cells(&self, approach: Approach) -> Vec<usize> {
+        let coordinates = self.space(approach).coordinates().iter();
+        coordinates.map(|one| one.values.len()).collect()
+    }
+
     /// The range `[low, high]` of each coordinate of the DoE.
     pub fn free_ranges(&self) -> impl Iterator<Item = [f64; 2]> {
         self.coordinates().iter().map(|coordinate| coordinate.range)
@@ -239,6 +251,12 @@ impl Problem {
     #[must_use]
     pub fn responses(&self) -> &[Quantity] {
         &self.responses
+    }
+
+    /// The random inputs whose distributions the campaign states.
+    #[must_use]
+    pub const fn random(&self) -> Option<&RandomInputs> {
+        self.random.as_ref()
     }
 
     /// The measure of the sampled response: its name, such as P90, and its unit.

@@ -97,6 +97,8 @@ pub struct Search {
     aim: Aim,
     settings: Optimise,
     start: u32,
+    /// Number of values of each coordinate, 0 of a continuous one.
+    cells: Vec<usize>,
     /// The point of the search space that is evaluated before the first generation.
     first: Option<Vec<f64>>,
     /// The value of that point, once it is known.
@@ -160,6 +162,7 @@ impl Search {
             unit
         });
         let mut options = settings.run(bounds);
+        options.search.cells = problem.cells(run.approach);
         let mut first = None;
         match (run.approach, from) {
             (Approach::Kriging, Some(from)) => {
@@ -180,6 +183,7 @@ impl Search {
             aim: problem.aim(),
             settings,
             start: run.start,
+            cells: problem.cells(run.approach),
             first,
             first_value: None,
             rng,
@@ -298,6 +302,7 @@ impl Search {
         // The constrained optimum lies near the penalised one, so the search begins there with a
         // shorter step.
         options.search.step /= 3.0;
+        options.search.cells.clone_from(&self.cells);
         let search = cmaes::Run::new(&outcome.x, options);
         self.search = search.map_err(|error| error.to_string())?;
         Ok(true)

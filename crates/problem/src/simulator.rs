@@ -61,21 +61,20 @@ pub trait Prepared {
     /// The simulator or its machine failed. Another attempt may succeed.
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer>;
 
-    /// The number of standard normal coefficients of the random flanks; 0 if the simulator's random
-    /// effects are not known.
+    /// The number of standard normal coefficients that the random effects are made of: those of a gear pair's flanks, or
+    /// the scores of the campaign's random inputs. 0 if the simulator's random effects are not known.
     fn modes(&mut self) -> usize {
         0
     }
 
-    /// ΔSTE in µm with the random flanks of these coefficients, whose number is
-    /// [`modes`](Self::modes).
+    /// The response with these coefficients, whose number is [`modes`](Self::modes): for a gear pair ΔSTE, in µm.
     ///
     /// # Errors
     ///
     /// The simulator does not accept coefficients.
     fn sample_at(&mut self, _coefficients: &[f64]) -> Result<f64, NoAnswer> {
         Err(NoAnswer::Failed(
-            "this simulator draws its wear itself: sampling.coefficients must be \"independent\""
+            "this simulator draws its random effects itself: sampling.coefficients must be \"independent\""
                 .to_owned(),
         ))
     }

@@ -155,6 +155,11 @@ pub fn options(
     let ranges = problem.free_ranges().map(|[low, high]| (low, high));
     let bounds = Bounds::new(ranges.collect::<Vec<_>>())?;
     Ok(Options {
+        values: problem
+            .coordinates()
+            .iter()
+            .map(|one| one.values.clone())
+            .collect(),
         seed: problem.campaign().seed,
         criterion: section.criterion,
         kernel: problem.campaign().kriging.kernel,

@@ -264,21 +264,21 @@ mod tests {
         );
         assert!(chosen.lilliefors_p.unwrap() < SIGNIFICANCE);
         let expected = stats::harrell_davis_p90(&skewed).unwrap();
-        assert_eq!(chosen.percentile, expected.p90);
+        assert_eq!(chosen.measure, expected.value);
         assert_eq!(chosen.measure_variance, expected.variance);
         let bootstrap = of(EstimatorRule::ChosenBootstrap);
-        assert_eq!(bootstrap.percentile, chosen.percentile);
+        assert_eq!(bootstrap.measure, chosen.measure);
         let expected = stats::HarrellDavisVariance::Bootstrap;
         let expected = stats::harrell_davis(&skewed, 0.9, expected).unwrap();
         assert_eq!(bootstrap.measure_variance, expected.variance);
         assert_ne!(bootstrap.measure_variance, chosen.measure_variance);
         let plain = stats::percentile_p90(&skewed).unwrap();
         assert_eq!(
-            (paper.percentile, paper.measure_variance),
+            (paper.measure, paper.measure_variance),
             (plain.p90, plain.variance)
         );
         // Exact z and an unbiased s both raise it.
-        assert!(normal.percentile > paper.percentile);
+        assert!(normal.measure > paper.measure);
     }
 
     /// Compares the scatter of the P90 of one pair over independent streams, as workers and
@@ -326,7 +326,7 @@ mod tests {
                 let values: Vec<f64> = rows.iter().map(value).collect();
                 stats::mean_sd(&values).unwrap().1.powi(2)
             };
-            let p90 = scatter(|row| row.percentile);
+            let p90 = scatter(|row| row.measure);
             let stated =
                 rows.iter().map(|row| row.measure_variance).sum::<f64>() / f64::from(replications);
             // A variance of 400 is known to 7 %; the jackknife over 8 groups is too large by an
@@ -376,7 +376,7 @@ mod tests {
         );
         let error = (all.measure_variance + controlled.measure_variance).sqrt();
         assert!(
-            (controlled.percentile - all.percentile).abs() < 4.0 * error,
+            (controlled.measure - all.measure).abs() < 4.0 * error,
             "{controlled:?} beside {all:?}"
         );
     }
@@ -424,7 +424,7 @@ mod tests {
                         response(7, Samples { values, control }, &settings).unwrap()
                     })
                     .collect();
-                let found: Vec<f64> = rows.iter().map(|row| row.percentile).collect();
+                let found: Vec<f64> = rows.iter().map(|row| row.measure).collect();
                 let (mean, scatter) = stats::mean_sd(&found).unwrap();
                 let stated = rows.iter().map(|row| row.measure_variance).sum::<f64>();
                 let stated = (stated / replications as f64).sqrt() / scatter;

@@ -220,10 +220,7 @@ mod tests {
         let [of_twelve, of_ten] = &responses[..] else {
             panic!("two responses");
         };
-        assert_eq!(
-            of_twelve.percentile, of_ten.percentile,
-            "the first ten count"
-        );
+        assert_eq!(of_twelve.measure, of_ten.measure, "the first ten count");
     }
 
     #[test]

@@ -69,6 +69,14 @@ impl Sampling {
     }
 }
 
+/// The next `count` standard normal numbers of a stream.
+pub fn normal_scores(rng: &mut StreamRng, count: usize) -> Vec<f64> {
+    let normal = Normal::standard();
+    (0..count)
+        .map(|_| normal.inverse_cdf(uniform(rng)))
+        .collect()
+}
+
 /// The `count` standard normal coefficients of one sample, from streams named by (`seed`,
 /// `purpose`, `design`). They depend neither on who draws them nor on the order of drawing.
 ///
@@ -84,12 +92,8 @@ pub fn normal_coefficients(
     count: usize,
 ) -> Result<Vec<f64>, Error> {
     let normal = Normal::standard();
-    let independent = |sample: u64| -> Vec<f64> {
-        let mut rng = stream(seed, purpose, design, sample);
-        (0..count)
-            .map(|_| normal.inverse_cdf(uniform(&mut rng)))
-            .collect()
-    };
+    let independent =
+        |sample: u64| normal_scores(&mut stream(seed, purpose, design, sample), count);
     match sampling {
         Sampling::Independent => Ok(independent(sample)),
         Sampling::Antithetic => {

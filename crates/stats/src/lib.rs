@@ -36,6 +36,7 @@
 //! - [`mod@reference`]: responses with known percentiles.
 //! - [`control_variate_p90`], [`normal_coefficients`] and [`grouped_p90`]: the same percentile from fewer
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
+//! - [`Marginal`], [`Copula`]: the values of random inputs from standard normal scores.
 //! - [`samples_needed`]: how many more samples until the percentile is precise enough.
 //! - [`SensitivityPlan`]: which share of an output's variance comes from which input.
 //! - [`lilliefors`]: a test of normality.
@@ -47,8 +48,10 @@ mod bootstrap;
 mod choice;
 mod coefficients;
 mod control;
+mod copula;
 mod error;
 mod exact;
+mod marginal;
 mod measure;
 mod moments;
 mod normal;
@@ -65,10 +68,14 @@ pub mod streams;
 
 pub use bootstrap::exact_bootstrap_variance;
 pub use choice::{Choice, ChoiceRule, choose};
-pub use coefficients::{GROUPED_MIN_GROUPS, Sampling, grouped_p90, normal_coefficients};
+pub use coefficients::{
+    GROUPED_MIN_GROUPS, Sampling, grouped_p90, normal_coefficients, normal_scores,
+};
 pub use control::{CONTROL_MIN_SAMPLES, Control, ControlledPercentile, control_variate_p90};
+pub use copula::Copula;
 pub use error::Error;
 pub use exact::{EXACT_Z90, c4, exact_p90_variance, normal_quantile, sd_bias};
+pub use marginal::{Family, Marginal};
 pub use measure::Measure;
 pub use moments::mean_sd;
 pub use normal::{NormalOptions, VarianceFormula, normal_p90, percentile_p90};

@@ -120,12 +120,12 @@ impl Measure {
             Self::Exceedance { limit } => {
                 let z = (mean - limit) / sd;
                 let standard = Normal::standard();
-                // The variance of z is (1 + z²/2)/n to first order.
+                // The variance of z is (1 + z²/2)/n to first order. n samples resolve no less than half of one: far from
+                // the limit the normal tail is an assumption, and its variance would vanish.
                 let slope = standard.pdf(z);
-                (
-                    standard.cdf(z),
-                    slope * slope * (1.0 + 0.5 * z * z) / n as f64,
-                )
+                let least = 0.5 / (n as f64 + 1.0);
+                let variance = slope * slope * (1.0 + 0.5 * z * z) / n as f64;
+                (standard.cdf(z), variance.max(least * least))
             }
             _ => (p90, variance),
         };

@@ -346,9 +346,6 @@ mod tests {
                 assert!((amounts[0] - amounts[1]).abs() < 1e-15, "{amounts:?}");
             }
         }
-        assert_eq!(
-            summary(&campaign, &outcomes).rows[1][0],
-            "tip relief"
-        );
+        assert_eq!(summary(&campaign, &outcomes).rows[1][0], "tip relief");
     }
 }

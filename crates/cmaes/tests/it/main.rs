@@ -2,6 +2,7 @@
 //! misbehave.
 
 mod budget;
+mod discrete;
 mod functions;
 mod restarts;
 mod robustness;

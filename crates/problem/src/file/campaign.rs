@@ -325,7 +325,12 @@ impl Campaign {
         self.doe.validate(source)?;
         let is_gears = self.gears().is_some();
         self.sampling.objective.validate(source, is_gears)?;
-        self.sampling.validate(source, self.is_external())?;
+        let has_scores = match &self.kind {
+            Kind::Gears(_) => !self.is_external(),
+            Kind::External(sections) => !sections.random.is_empty(),
+        };
+        self.sampling
+            .validate(source, self.is_external(), has_scores)?;
         source.require(
             self.sampling.objective.is_papers() || !self.compares_with_paper(),
             "objective",

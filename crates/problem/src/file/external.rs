@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FileError;
 use super::validate::Source;
+use super::{CorrelationSection, FileError, RandomSection};
 
 /// The sections that only external campaigns have.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,6 +16,10 @@ pub struct ExternalSections {
     pub variables: Vec<VariableSection>,
     /// `[[constraints]]`
     pub constraints: Vec<ConstraintSection>,
+    /// `[[random]]`
+    pub random: Vec<RandomSection>,
+    /// `[[correlations]]`
+    pub correlations: Vec<CorrelationSection>,
     /// `[response]`
     pub response: ResponseSection,
 }
@@ -29,10 +33,117 @@ pub struct VariableSection {
     /// Its unit; empty for a number without one.
     #[serde(default)]
     pub unit: String,
-    /// Lower bound.
-    pub low: f64,
-    /// Upper bound.
-    pub high: f64,
+    /// Lower bound; with `values` it is left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// Upper bound. Equal to the lower one, it fixes the variable.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
+    /// Whether only whole numbers are possible, such as numbers of teeth.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub integer: bool,
+    /// The possible values in increasing order, such as standard modules.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub values: Option<Vec<f64>>,
+}
+
+/// The values that a variable may take.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Choice {
+    /// Only this one.
+    Fixed(f64),
+    /// All from the first to the second.
+    Continuous([f64; 2]),
+    /// Only these, two or more in increasing order.
+    Discrete(Vec<f64>),
+}
+
+/// The most values of a discrete variable.
+const MOST_VALUES: usize = 1000;
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
+const fn is_false(value: &bool) -> bool {
+    !*value
+}
+
+impl VariableSection {
+    /// The values that the variable may take.
+    #[must_use]
+    pub fn choice(&self) -> Choice {
+        let values = match (&self.values, self.low, self.high) {
+            (Some(values), ..) => values.clone(),
+            (None, Some(low), Some(high)) if low == high => vec![low],
+            (None, Some(low), Some(high)) if self.integer => {
+                // At most MOST_VALUES, exact in 64 bits.
+                let count = (high - low) as usize;
+                (0..=count).map(|step| low + step as f64).collect()
+            }
+            (None, low, high) => {
+                return Choice::Continuous([low.unwrap_or_default(), high.unwrap_or_default()]);
+            }
+        };
+        match values[..] {
+            [fixed] => Choice::Fixed(fixed),
+            _ => Choice::Discrete(values),
+        }
+    }
+
+    fn validate(&self, source: Source<'_>, section: &str) -> Result<(), FileError> {
+        if let Some(values) = &self.values {
+            let key = format!("{section}.values");
+            let is_sorted = values.windows(2).all(|pair| pair[0] < pair[1]);
+            source.require(
+                !values.is_empty() && values.iter().all(|value| value.is_finite()) && is_sorted,
+                &key,
+                values,
+                "finite numbers in increasing order",
+            )?;
+            source.require(
+                self.low.is_none() && self.high.is_none() && !self.integer,
+                &key,
+                values,
+                "the only key about the variable's range: without low, high and integer",
+            )?;
+            return source.require(
+                values.len() <= MOST_VALUES,
+                &key,
+                values.len(),
+                &format!("at most {MOST_VALUES} values"),
+            );
+        }
+        let [low_key, high_key] = ["low", "high"].map(|end| format!("{section}.{end}"));
+        let Some(low) = self.low else {
+            return Err(source.missing(&low_key, "given, or values in the place of low and high"));
+        };
+        let Some(high) = self.high else {
+            return Err(source.missing(&high_key, "given beside low"));
+        };
+        const FINITE: &str = "a finite number. For a variable without a bound, give the widest range that makes sense; \
+                              for one that ranges over decades, make its logarithm the variable";
+        source.require(low.is_finite(), &low_key, low, FINITE)?;
+        source.require(high.is_finite(), &high_key, high, FINITE)?;
+        source.require(
+            low <= high && (high - low).is_finite(),
+            &high_key,
+            high,
+            &format!("a number from low, which is {low:?}, up; equal to it, it fixes the variable"),
+        )?;
+        if !self.integer {
+            return Ok(());
+        }
+        for (key, bound) in [(&low_key, low), (&high_key, high)] {
+            let is_whole = bound.fract() == 0.0 && bound.abs() < 1e15;
+            source.require(is_whole, key, bound, "a whole number beside integer = true")?;
+        }
+        source.require(
+            high - low < MOST_VALUES as f64,
+            &high_key,
+            high,
+            &format!(
+                "at most {MOST_VALUES} values from low: a variable with more is as good as continuous"
+            ),
+        )
+    }
 }
 
 /// A deterministic response of the program, with limits that a feasible design satisfies.
@@ -69,12 +180,13 @@ pub struct ResponseSection {
 }
 
 /// Names with another meaning in requests, answers and exported tables.
-const RESERVED: [&str; 21] = [
+const RESERVED: [&str; 22] = [
     "id",
     "refused",
     "error",
     "design",
     "sample",
+    "random",
     "seed",
     "request",
     "simulable",
@@ -119,7 +231,7 @@ impl ExternalSections {
                 names.insert(name.to_owned()),
                 &format!("{section}.name"),
                 name,
-                "a name that no other variable, constraint or response has",
+                "a name that no other variable, constraint, random input or response has",
             )?;
             source.require(
                 unit.chars().count() <= 16 && !unit.chars().any(char::is_control),
@@ -137,20 +249,15 @@ impl ExternalSections {
         for (index, variable) in self.variables.iter().enumerate() {
             let section = format!("variables[{}]", index + 1);
             named(&section, &variable.name, &variable.unit)?;
-            let (low, high) = (variable.low, variable.high);
-            source.require(
-                low.is_finite(),
-                &format!("{section}.low"),
-                low,
-                "a finite number",
-            )?;
-            source.require(
-                high.is_finite() && low < high && (high - low).is_finite(),
-                &format!("{section}.high"),
-                high,
-                &format!("a finite number above low, which is {low:?}"),
-            )?;
+            variable.validate(source, &section)?;
         }
+        let is_free = |variable: &VariableSection| !matches!(variable.choice(), Choice::Fixed(_));
+        source.require(
+            self.variables.iter().any(is_free),
+            "variables",
+            "fixed",
+            "at least one that is not fixed",
+        )?;
         for (index, constraint) in self.constraints.iter().enumerate() {
             let section = format!("constraints[{}]", index + 1);
             named(&section, &constraint.name, &constraint.unit)?;
@@ -161,6 +268,13 @@ impl ExternalSections {
             }
             check_limits(source, &section, limits)?;
         }
+        for (index, input) in self.random.iter().enumerate() {
+            let section = format!("random[{}]", index + 1);
+            named(&section, &input.name, &input.unit)?;
+            let variables: Vec<&str> = self.variables.iter().map(|one| &*one.name).collect();
+            input.validate(source, &section, &variables)?;
+        }
+        CorrelationSection::validate(&self.correlations, source, &self.random)?;
         let response = &self.response;
         named("response", &response.name, &response.unit)?;
         check_limits(source, "response", [response.min, response.max])

@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 use super::accuracy::AccuracySection;
 use super::validate::Source;
 use super::{
-    Bounds, Campaign, ConstraintSection, CorrectionsSection, Doe, Enrichment, ExternalSections,
-    FileError, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load, Manufacture, Material,
-    Objective, Optimise, Pair, Penalty, Report, ResponseSection, Sampling, SimulatorKind,
-    SimulatorSection, VariableSection, Verify, wear,
+    Bounds, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe, Enrichment,
+    ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load,
+    Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection, Report,
+    ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify, wear,
 };
 
 /// The kind of a file.
@@ -94,6 +94,10 @@ pub(crate) struct ExternalFile {
     variables: Vec<VariableSection>,
     #[serde(default)]
     constraints: Vec<ConstraintSection>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    random: Vec<RandomSection>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    correlations: Vec<CorrelationSection>,
     response: ResponseSection,
     #[serde(default)]
     objective: Objective,
@@ -230,6 +234,8 @@ impl From<ExternalFile> for Campaign {
             kind: Kind::External(ExternalSections {
                 variables: file.variables,
                 constraints: file.constraints,
+                random: file.random,
+                correlations: file.correlations,
                 response: file.response,
             }),
             doe: file.doe,
@@ -297,6 +303,8 @@ impl From<Campaign> for Form {
                 seed,
                 variables: sections.variables,
                 constraints: sections.constraints,
+                random: sections.random,
+                correlations: sections.correlations,
                 response: sections.response,
                 objective: sampling.objective,
                 doe,

@@ -139,7 +139,10 @@ impl Objective {
             Measure::MeanPlusSd { k } if k < 0.0 => format!("mean − {} sd", -k),
             Measure::MeanPlusSd { k } => format!("mean + {k} sd"),
             Measure::TailMean { level, .. } => format!("CVaR{}", hundred(level)),
-            Measure::Exceedance { limit } => format!("P({response} > {limit}{space}{unit})"),
+            Measure::Exceedance { limit } => {
+                let limit = limit.to_string().replace('-', "−");
+                format!("P({response} > {limit}{space}{unit})")
+            }
         }
     }
 

@@ -31,7 +31,7 @@ pub struct Sampling {
     /// Control variate that reduces the variance of the measure.
     #[serde(default)]
     pub control: ControlVariate,
-    /// The scheme by which the wear of a design's samples is drawn.
+    /// The scheme by which the wear, or the random inputs, of a design's samples are drawn.
     #[serde(default)]
     pub coefficients: WearCoefficients,
     /// Number of samples in each sequence of quasi-random coefficients, a power of two; 8 if absent.
@@ -45,8 +45,8 @@ pub struct Sampling {
     pub objective: Objective,
 }
 
-/// The dependence between the coefficients (Karhunen–Loève) of the random wear of a design's
-/// samples.
+/// The dependence between the coefficients of a design's samples: of the random wear (Karhunen–Loève), or of the
+/// program's random inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum WearCoefficients {
@@ -170,7 +170,14 @@ impl Sampling {
         self.skip_violation.or_else(|| self.precision.map(|_| 0.0))
     }
 
-    pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
+    /// Checks the section of a campaign whose program is external, and whose random effects are made of known
+    /// scores.
+    pub(super) fn validate(
+        &self,
+        source: Source<'_>,
+        is_external: bool,
+        has_scores: bool,
+    ) -> Result<(), FileError> {
         let plain = self.control == ControlVariate::None;
         let rule = self.estimator_rule();
         source.require(
@@ -212,7 +219,7 @@ impl Sampling {
             "left out beside a control variate, with which samples_per_design samples are as good as \
              thousands",
         )?;
-        self.validate_coefficients(source, is_external)?;
+        self.validate_coefficients(source, has_scores)?;
         source.count(
             "sampling.samples_per_design",
             self.samples_per_design,
@@ -243,11 +250,7 @@ impl Sampling {
         Ok(())
     }
 
-    fn validate_coefficients(
-        &self,
-        source: Source<'_>,
-        is_external: bool,
-    ) -> Result<(), FileError> {
+    fn validate_coefficients(&self, source: Source<'_>, has_scores: bool) -> Result<(), FileError> {
         let rule = self.estimator_rule();
         if let Some(group) = self.group {
             source.require(
@@ -269,9 +272,9 @@ impl Sampling {
         }
         let requirements = [
             (
-                !is_external,
-                "\"independent\" where a program simulates: only the built-in model's wear is made of \
-                 coefficients",
+                has_scores,
+                "\"independent\" where a program draws its random effects itself: only the built-in model's wear \
+                 and the inputs of [[random]] are made of coefficients",
             ),
             (
                 self.control == ControlVariate::None,

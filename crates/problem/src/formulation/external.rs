@@ -1,7 +1,9 @@
 //! A problem that is stated in the campaign file and simulated by a program of the user's.
 
+use super::random::RandomInputs;
+use super::space::{Source, Space};
 use super::{Analysis, Constraint, Coordinate, Criteria, Quantity};
-use crate::file::ExternalSections;
+use crate::file::{Choice, ExternalSections};
 
 /// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
 const LARGEST: f64 = 1e100;
@@ -37,16 +39,28 @@ impl External {
             .collect()
     }
 
-    /// The coordinates of the DoE, which varies all variables.
-    pub(super) fn coordinates(&self) -> Vec<Coordinate> {
-        let variables = self.sections.variables.iter();
-        variables
-            .map(|variable| Coordinate {
+    /// The search space of all approaches: the variables that are not fixed.
+    pub(super) fn space(&self) -> Space {
+        let mut coordinates = Vec::new();
+        let mut sources = Vec::new();
+        for variable in &self.sections.variables {
+            let (range, values) = match variable.choice() {
+                Choice::Fixed(value) => {
+                    sources.push(Source::Fixed(value));
+                    continue;
+                }
+                Choice::Continuous(range) => (range, Vec::new()),
+                Choice::Discrete(values) => ([values[0], values[values.len() - 1]], values),
+            };
+            sources.push(Source::Moved(coordinates.len()));
+            coordinates.push(Coordinate {
                 name: variable.name.clone().into(),
                 unit: variable.unit.clone().into(),
-                range: [variable.low, variable.high],
-            })
-            .collect()
+                range,
+                values,
+            });
+        }
+        Space::new(coordinates, sources)
     }
 
     pub(super) fn criteria(&self) -> Vec<Quantity> {
@@ -60,6 +74,12 @@ impl External {
     pub(super) fn responses(&self) -> Vec<Quantity> {
         let baseline = self.has_baseline().then(|| self.sampled());
         self.criteria().into_iter().chain(baseline).collect()
+    }
+
+    pub(super) fn random(&self) -> Option<RandomInputs> {
+        let sections = &self.sections;
+        let variables: Vec<&str> = sections.variables.iter().map(|one| &*one.name).collect();
+        RandomInputs::new(&sections.random, &sections.correlations, &variables)
     }
 
     pub(super) fn sampled(&self) -> Quantity {

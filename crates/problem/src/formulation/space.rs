@@ -13,6 +13,34 @@ pub struct Coordinate {
     pub unit: Cow<'static, str>,
     /// The range, `[low, high]`.
     pub range: [f64; 2],
+    /// The values of a discrete coordinate, increasing, two or more; none for a continuous one.
+    pub values: Vec<f64>,
+}
+
+impl Coordinate {
+    /// The value at a place of the unit interval, in which the values of a discrete coordinate have equal cells.
+    fn at(&self, unit: f64) -> f64 {
+        let [low, high] = self.range;
+        match self.values.len() {
+            0 => low + (high - low) * unit,
+            count => self.values[((unit * count as f64) as usize).min(count - 1)],
+        }
+    }
+
+    /// The place of a value in the unit interval: the middle of the nearest value's cell for a discrete coordinate.
+    fn place(&self, x: f64) -> f64 {
+        let [low, high] = self.range;
+        let nearest = |values: &[f64]| {
+            let distances = values.iter().map(|value| (value - x).abs()).enumerate();
+            distances
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .map_or(0, |(place, _)| place)
+        };
+        match self.values.len() {
+            0 => (x - low) / (high - low),
+            count => (nearest(&self.values) as f64 + 0.5) / count as f64,
+        }
+    }
 }
 
 /// The source of the value of a design's variable.
@@ -71,12 +99,6 @@ impl Space {
         }
     }
 
-    /// Makes a space that varies all variables.
-    pub(super) fn of_all(coordinates: Vec<Coordinate>) -> Self {
-        let sources = (0..coordinates.len()).map(Source::Moved).collect();
-        Self::new(coordinates, sources)
-    }
-
     /// Adds a variable, which is a coordinate if it has a range, and zero otherwise.
     pub(super) fn push(&mut self, name: &'static str, range: Option<[f64; 2]>) {
         let Some(range) = range else {
@@ -88,6 +110,7 @@ impl Space {
             name: name.into(),
             unit: "".into(),
             range,
+            values: Vec::new(),
         });
     }
 
@@ -104,22 +127,14 @@ impl Space {
     pub(super) fn scaled(&self, unit: &[f64]) -> Vec<f64> {
         let ranges = self.coordinates.iter().zip(unit);
         ranges
-            .map(|(coordinate, &unit)| {
-                let [low, high] = coordinate.range;
-                low + (high - low) * unit
-            })
+            .map(|(coordinate, &unit)| coordinate.at(unit))
             .collect()
     }
 
     /// The inverse of [`Self::scaled`].
     pub(super) fn unit(&self, x: &[f64]) -> Vec<f64> {
         let ranges = self.coordinates.iter().zip(x);
-        ranges
-            .map(|(coordinate, x)| {
-                let [low, high] = coordinate.range;
-                (x - low) / (high - low)
-            })
-            .collect()
+        ranges.map(|(coordinate, &x)| coordinate.place(x)).collect()
     }
 
     /// The values in `design` of the variables that this space takes from a given design; 0 for all

@@ -7,5 +7,6 @@ mod normality;
 mod order;
 mod percentile;
 mod quantile;
+mod random_inputs;
 mod reduction;
 mod sequential;

@@ -290,7 +290,7 @@ pub(crate) async fn with_every_row(path: &Path) {
         design: 1,
         mean: 1.5,
         standard_deviation: 0.1,
-        percentile: 1.75,
+        measure: 1.75,
         measure_variance: 0.01,
         lilliefors_p: None,
     };

@@ -54,7 +54,7 @@ async fn finished(store: &Store) {
         design: 0,
         mean: 1.5,
         standard_deviation: 0.0,
-        percentile: 1.5,
+        measure: 1.5,
         measure_variance: 0.0,
         lilliefors_p: None,
     };

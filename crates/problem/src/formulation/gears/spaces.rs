@@ -65,6 +65,7 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
                     name: name.into(),
                     unit: "".into(),
                     range,
+                    values: Vec::new(),
                 });
                 let number = coordinates.len() - 1;
                 if in_modules {

@@ -1,12 +1,13 @@
 //! A design that an external simulator evaluates and samples.
 
-use problem::formulation::Design;
+use problem::formulation::{Design, RandomInputs};
 use problem::simulator::{Analysis, NoAnswer, Prepared, State};
 use problem::task::NOT_A_NUMBER;
 use rand::Rng as _;
 use serde_json::Value;
 use stats::streams::StreamRng;
 
+use super::messages::Randomness;
 use super::{Session, messages};
 
 /// A design that a program simulates.
@@ -24,7 +25,7 @@ impl<'a> ExternalDesign<'a> {
     pub(super) fn new(session: &'a Session<'a>, design: &Design, told: &[(&str, f64)]) -> Self {
         Self {
             session,
-            told: messages::design(told),
+            told: messages::numbers(told),
             design: design.clone(),
             responses: vec![f64::NAN; session.problem.responses().len()],
             was_evaluated: false,
@@ -45,7 +46,14 @@ impl<'a> ExternalDesign<'a> {
             return Ok(());
         }
         let others: Vec<&str> = (0..known.len()).map(asked).collect();
-        let question = messages::evaluate(&self.told, &wanted);
+        let random = match problem.random() {
+            Some(inputs) => {
+                let means = inputs.means(&self.design).map_err(NoAnswer::Refused)?;
+                Some(named(inputs, &means))
+            }
+            None => None,
+        };
+        let question = messages::evaluate(&self.told, random, &wanted);
         let numbers = self.session.ask(question, &wanted, &others)?;
         let odd = numbers.iter().find(|(_, value)| !value.is_finite());
         if let Some((name, value)) = odd {
@@ -83,12 +91,45 @@ impl Prepared for ExternalDesign<'_> {
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer> {
+        let modes = self.modes();
+        if modes > 0 {
+            return self.sample_at(&stats::normal_scores(rng, modes));
+        }
         // 128 bits of the stream, in words of 32 bits, which every program can represent.
         let [low, high] = [rng.next_u64(), rng.next_u64()];
         let seed = [low, low >> 32, high, high >> 32].map(|word| word as u32);
+        self.sample_from(Randomness::Seed(seed))
+    }
+
+    fn modes(&mut self) -> usize {
+        let random = self.session.problem.random();
+        random.map_or(0, |inputs| inputs.quantities().len())
+    }
+
+    fn sample_at(&mut self, coefficients: &[f64]) -> Result<f64, NoAnswer> {
+        let Some(inputs) = self.session.problem.random() else {
+            return Err(NoAnswer::Failed(
+                "the campaign has no random inputs".to_owned(),
+            ));
+        };
+        let values = inputs.values(&self.design, coefficients);
+        let values = values.map_err(NoAnswer::Failed)?;
+        self.sample_from(Randomness::Values(named(inputs, &values)))
+    }
+}
+
+/// Values of random inputs in the form of the requests.
+fn named(inputs: &RandomInputs, values: &[f64]) -> Value {
+    let names = inputs.quantities().iter().map(|one| &*one.name);
+    let named: Vec<(&str, f64)> = names.zip(values.iter().copied()).collect();
+    messages::numbers(&named)
+}
+
+impl ExternalDesign<'_> {
+    fn sample_from(&self, from: Randomness) -> Result<f64, NoAnswer> {
         let problem = self.session.problem;
         let name = &*problem.sampled().name;
-        let question = messages::sample(&self.told, seed);
+        let question = messages::sample(&self.told, from);
         let answer = self.session.ask(question, &[name], &[name]);
         let numbers = match answer {
             Ok(numbers) => numbers,

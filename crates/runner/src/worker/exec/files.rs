@@ -31,7 +31,8 @@ const SPACE: usize = 1 << 16;
 /// The files of a program that is called through files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FileMode {
-    /// The template of the input file, with `{name}` for each variable and `{seed}`.
+    /// The template of the input file, with `{name}` for each variable and random input, and `{seed}` without random
+    /// inputs.
     pub template: PathBuf,
     /// The name of the result file.
     pub result: PathBuf,
@@ -75,14 +76,22 @@ enum Request {
     Describe {
         variables: Vec<String>,
         sampled: String,
+        /// The names of the random inputs, whose values a sample gets instead of a seed.
+        #[serde(default)]
+        random: Vec<String>,
     },
     Evaluate {
         design: Numbers,
         responses: Vec<String>,
+        #[serde(default)]
+        random: Numbers,
     },
     Sample {
         design: Numbers,
+        #[serde(default)]
         seed: [u32; 4],
+        #[serde(default)]
+        random: Numbers,
     },
 }
 
@@ -133,27 +142,45 @@ impl Files {
     ) -> Result<Map<String, Value>, Fault> {
         let request = serde_json::from_value(Value::Object(request));
         match request.map_err(|error| Fault::Program(error.to_string()))? {
-            Request::Describe { variables, sampled } => {
+            Request::Describe {
+                variables,
+                sampled,
+                random,
+            } => {
                 self.sampled = sampled;
-                self.describe(variables).map_err(Fault::Program)
+                self.describe(&variables, &random).map_err(Fault::Program)
             }
-            Request::Evaluate { design, responses } => self.run(&design, 0, &responses, timeout),
-            Request::Sample { design, seed } => {
+            Request::Evaluate {
+                design,
+                responses,
+                random,
+            } => self.run(&[design, random], 0, &responses, timeout),
+            Request::Sample {
+                design,
+                seed,
+                random,
+            } => {
                 let wanted = [self.sampled.clone()];
-                self.run(&design, small(seed), &wanted, timeout)
+                self.run(&[design, random], small(seed), &wanted, timeout)
             }
         }
     }
 
     /// Checks that the template has every name: a misspelt one would stay in the file unfilled.
-    fn describe(&self, variables: Vec<String>) -> Result<Map<String, Value>, String> {
+    fn describe(
+        &self,
+        variables: &[String],
+        random: &[String],
+    ) -> Result<Map<String, Value>, String> {
         let (text, name) = &self.template;
-        let names = variables.iter().map(String::as_str).chain([SEED]);
+        let seed = random.is_empty().then_some(SEED);
+        let named = variables.iter().chain(random).map(String::as_str);
+        let names = named.chain(seed);
         let lacks = names.into_iter().find(|name| !text.contains(&place(name)));
         if let Some(lacks) = lacks {
             let what = match lacks {
                 SEED => "the place of a sample's seed, 0 for the response without random effects",
-                _ => "the place of a variable of the campaign",
+                _ => "the place of a variable or random input of the campaign",
             };
             let file = Path::new(name).display();
             return Err(format!("the template {file} has no {{{lacks}}}, {what}"));
@@ -171,17 +198,17 @@ impl Files {
         ]))
     }
 
-    /// Runs the program for a design and returns the `wanted` numbers.
+    /// Runs the program for a design and its random inputs, and returns the `wanted` numbers.
     fn run(
         &self,
-        design: &Numbers,
+        inputs: &[Numbers; 2],
         seed: u32,
         wanted: &[String],
         timeout: Duration,
     ) -> Result<Map<String, Value>, Fault> {
         let folder = tempfile::Builder::new().prefix("pitchline-").tempdir();
         let folder = folder.map_err(|error| no_space(&error))?;
-        let ran = self.run_in(folder.path(), design, seed, wanted, timeout);
+        let ran = self.run_in(folder.path(), inputs, seed, wanted, timeout);
         ran.map_err(|fault| {
             // A folder that is kept would hold the space that is missing.
             if let Fault::Machine(_) = fault {
@@ -206,14 +233,14 @@ impl Files {
     fn run_in(
         &self,
         folder: &Path,
-        design: &Numbers,
+        inputs: &[Numbers; 2],
         seed: u32,
         wanted: &[String],
         timeout: Duration,
     ) -> Result<Map<String, Value>, Fault> {
         let (template, name) = &self.template;
         let mut filled = template.replace(&place(SEED), &seed.to_string());
-        for (name, value) in design {
+        for (name, value) in inputs.iter().flatten() {
             filled = filled.replace(&place(name), &format!("{value:?}"));
         }
         fs::write(folder.join(name), filled).map_err(|error| no_space(&error))?;

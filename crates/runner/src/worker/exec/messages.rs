@@ -13,6 +13,9 @@ use super::output::Line;
 /// The version of the protocol, which both sides name at the start.
 pub(super) const PROTOCOL: u32 = 2;
 
+/// The key of the values of random inputs.
+const RANDOM: &str = "random";
+
 /// Maximum number of objects in a line that are looked at.
 const OBJECTS: usize = 64;
 
@@ -109,6 +112,10 @@ pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> 
         "responses": evaluated(problem),
         "sampled": &*problem.sampled().name,
     }));
+    if let Some(random) = problem.random() {
+        let names: Vec<&str> = random.quantities().iter().map(|one| &*one.name).collect();
+        request.insert(RANDOM.to_owned(), json!(names));
+    }
     if let Some(sections) = campaign.gears() {
         request.insert("teeth".to_owned(), json!(sections.pair.teeth()));
     }
@@ -121,20 +128,42 @@ fn evaluated(problem: &Problem) -> Vec<&str> {
     responses.map(|response| &*response.name).collect()
 }
 
-/// A design in the form of the requests.
-pub(super) fn design(told: &[(&str, f64)]) -> Value {
+/// Named numbers, such as a design, in the form of the requests.
+pub(super) fn numbers(told: &[(&str, f64)]) -> Value {
     let named = |(name, value): &(&str, f64)| ((*name).to_owned(), Value::from(*value));
     Value::Object(told.iter().map(named).collect())
 }
 
-/// A request for a design's responses, without its id.
-pub(super) fn evaluate(design: &Value, wanted: &[&str]) -> Map<String, Value> {
-    object(json!({ "request": "evaluate", "design": design, "responses": wanted }))
+/// A request for a design's responses, without its id. `random` has the means of the random inputs, if the campaign
+/// states any.
+pub(super) fn evaluate(
+    design: &Value,
+    random: Option<Value>,
+    wanted: &[&str],
+) -> Map<String, Value> {
+    let mut request =
+        object(json!({ "request": "evaluate", "design": design, "responses": wanted }));
+    request.extend(random.map(|values| (RANDOM.to_owned(), values)));
+    request
+}
+
+/// What a sample's random effects follow from.
+pub(super) enum Randomness {
+    /// The program draws them from a seed.
+    Seed([u32; 4]),
+    /// The values of the campaign's random inputs, by name.
+    Values(Value),
 }
 
 /// A request for a sample, without its id.
-pub(super) fn sample(design: &Value, seed: [u32; 4]) -> Map<String, Value> {
-    object(json!({ "request": "sample", "design": design, "seed": seed }))
+pub(super) fn sample(design: &Value, from: Randomness) -> Map<String, Value> {
+    let mut request = object(json!({ "request": "sample", "design": design }));
+    let (key, value) = match from {
+        Randomness::Seed(seed) => ("seed", json!(seed)),
+        Randomness::Values(values) => (RANDOM, values),
+    };
+    request.insert(key.to_owned(), value);
+    request
 }
 
 /// Checks that an answer holds all `wanted` numbers, and no others than `others`.

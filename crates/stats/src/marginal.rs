@@ -1,0 +1,177 @@
+//! Distributions of single random inputs, by the parameters that engineers state, with the quantile function that turns
+//! a standard normal score into a value.
+
+use statrs::distribution::{
+    Beta, Continuous as _, ContinuousCDF as _, Gumbel, LogNormal, Normal, Triangular, Uniform,
+    Weibull,
+};
+use statrs::function::gamma::gamma;
+use statrs::statistics::Distribution as _;
+
+/// Euler's constant, by which the mean of a Gumbel distribution exceeds its mode in units of the scale.
+const EULER: f64 = 0.577_215_664_901_532_9;
+
+/// A family of distributions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Family {
+    /// Mean, standard deviation.
+    Normal,
+    /// Mean and standard deviation of the value itself, not of its logarithm.
+    Lognormal,
+    /// Least and greatest value.
+    Uniform,
+    /// Least, most probable and greatest value.
+    Triangular,
+    /// Shape and scale.
+    Weibull,
+    /// Mean and standard deviation of a greatest value.
+    Gumbel,
+    /// Both shape parameters, least and greatest value.
+    Beta,
+    /// Mean and standard deviation of the normal distribution, and the least and greatest value at which it is cut.
+    TruncatedNormal,
+    /// Measured values, each as probable as the others; no parameters.
+    Table,
+}
+
+/// A distribution.
+#[derive(Debug, Clone)]
+pub struct Marginal<'a>(Distribution<'a>);
+
+#[derive(Debug, Clone)]
+enum Distribution<'a> {
+    Normal {
+        mean: f64,
+        sd: f64,
+    },
+    Lognormal(LogNormal),
+    Uniform(Uniform),
+    Triangular(Triangular),
+    Weibull {
+        shape: f64,
+        scale: f64,
+        of: Weibull,
+    },
+    Gumbel {
+        mean: f64,
+        of: Gumbel,
+    },
+    Beta {
+        ends: [f64; 2],
+        shapes: [f64; 2],
+        of: Beta,
+    },
+    Truncated {
+        mean: f64,
+        sd: f64,
+        ends: [f64; 2],
+    },
+    Table(&'a [f64]),
+}
+
+impl<'a> Marginal<'a> {
+    /// The distribution with these parameters in the order that [`Family`] names, or of these sorted `values`; `None` if
+    /// they make no distribution. A standard deviation may be zero.
+    #[must_use]
+    pub fn new(family: Family, parameters: &[f64], values: &'a [f64]) -> Option<Self> {
+        if !parameters.iter().all(|parameter| parameter.is_finite()) {
+            return None;
+        }
+        let distribution = match (family, parameters) {
+            (Family::Normal | Family::Lognormal | Family::Gumbel, &[mean, 0.0]) => {
+                Distribution::Normal { mean, sd: 0.0 }
+            }
+            (Family::Normal, &[mean, sd]) if sd > 0.0 => Distribution::Normal { mean, sd },
+            (Family::Lognormal, &[mean, sd]) if mean > 0.0 => {
+                let variance = (sd / mean).powi(2).ln_1p();
+                let location = mean.ln() - 0.5 * variance;
+                Distribution::Lognormal(LogNormal::new(location, variance.sqrt()).ok()?)
+            }
+            (Family::Uniform, &[low, high]) => Distribution::Uniform(Uniform::new(low, high).ok()?),
+            (Family::Triangular, &[low, mode, high]) => {
+                Distribution::Triangular(Triangular::new(low, high, mode).ok()?)
+            }
+            (Family::Weibull, &[shape, scale]) => Distribution::Weibull {
+                shape,
+                scale,
+                of: Weibull::new(shape, scale).ok()?,
+            },
+            (Family::Gumbel, &[mean, sd]) => {
+                let scale = sd * 6.0_f64.sqrt() / std::f64::consts::PI;
+                let of = Gumbel::new(mean - EULER * scale, scale).ok()?;
+                Distribution::Gumbel { mean, of }
+            }
+            (Family::Beta, &[a, b, low, high]) if low < high => Distribution::Beta {
+                ends: [low, high],
+                shapes: [a, b],
+                of: Beta::new(a, b).ok()?,
+            },
+            (Family::TruncatedNormal, &[mean, sd, low, high]) if low < high && sd > 0.0 => {
+                let ends = [low, high];
+                Distribution::Truncated { mean, sd, ends }
+            }
+            (Family::Table, _) if !values.is_empty() => Distribution::Table(values),
+            _ => return None,
+        };
+        Some(Self(distribution))
+    }
+
+    /// The value whose distribution function is Φ(z). Scores beyond ±8, where Φ(z) has no digits left, count as ±8.
+    #[must_use]
+    pub fn quantile(&self, z: f64) -> f64 {
+        let standard = Normal::standard();
+        let z = z.clamp(-8.0, 8.0);
+        let u = standard.cdf(z);
+        match &self.0 {
+            Distribution::Normal { mean, sd } => mean + sd * z,
+            Distribution::Lognormal(of) => of.inverse_cdf(u),
+            Distribution::Uniform(of) => of.inverse_cdf(u),
+            Distribution::Triangular(of) => of.inverse_cdf(u),
+            Distribution::Weibull { of, .. } => of.inverse_cdf(u),
+            Distribution::Gumbel { of, .. } => of.inverse_cdf(u),
+            Distribution::Beta {
+                ends: [low, high],
+                of,
+                ..
+            } => low + (high - low) * of.inverse_cdf(u),
+            Distribution::Truncated { mean, sd, ends } => {
+                let [low, high] = ends.map(|end| standard.cdf((end - mean) / sd));
+                let inner = standard.inverse_cdf(low + (high - low) * u);
+                (mean + sd * inner).clamp(ends[0], ends[1])
+            }
+            Distribution::Table(values) => {
+                let place = (u * values.len() as f64) as usize;
+                values[place.min(values.len() - 1)]
+            }
+        }
+    }
+
+    /// The mean.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        match &self.0 {
+            Distribution::Normal { mean, .. } | Distribution::Gumbel { mean, .. } => *mean,
+            Distribution::Lognormal(of) => of.mean().unwrap_or(f64::NAN),
+            Distribution::Uniform(of) => of.mean().unwrap_or(f64::NAN),
+            Distribution::Triangular(of) => of.mean().unwrap_or(f64::NAN),
+            Distribution::Weibull { shape, scale, .. } => scale * gamma(1.0 + 1.0 / shape),
+            Distribution::Beta {
+                ends: [low, high],
+                shapes: [a, b],
+                ..
+            } => low + (high - low) * a / (a + b),
+            Distribution::Truncated { mean, sd, ends } => {
+                let standard = Normal::standard();
+                let [low, high] = ends.map(|end| (end - mean) / sd);
+                let share = standard.cdf(high) - standard.cdf(low);
+                if share > 0.0 {
+                    mean + sd * (standard.pdf(low) - standard.pdf(high)) / share
+                } else {
+                    // Far out in a tail no probability is left in double precision.
+                    0.5 * (ends[0] + ends[1])
+                }
+            }
+            Distribution::Table(values) => values.iter().sum::<f64>() / values.len() as f64,
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Distributions of random inputs: their quantiles against tables, their means against the mean of the quantiles, and
+//! correlated scores.
+
+use stats::streams::{Purpose, stream};
+use stats::{Copula, Family, Marginal, normal_quantile, normal_scores};
+
+/// A family with parameters, and its mean, standard deviation and 90 % quantile: in closed form, of the beta distribution by
+/// bisection.
+const CASES: [(Family, &[f64], [f64; 3]); 8] = [
+    (Family::Normal, &[10.0, 2.0], [10.0, 2.0, 12.563_103]),
+    // exp(µ + 1.281552 s) with s² = ln 1.04 and µ = ln 10 − s²/2.
+    (Family::Lognormal, &[10.0, 2.0], [10.0, 2.0, 12.638_858]),
+    (Family::Uniform, &[2.0, 6.0], [4.0, 1.154_701, 5.6]),
+    // 6 − √(0.1 · 4 · 3)
+    (
+        Family::Triangular,
+        &[2.0, 3.0, 6.0],
+        [3.666_667, 0.849_837, 4.904_555],
+    ),
+    // 3 √π/2, 3 √(1 − π/4), 3 √ln 10
+    (
+        Family::Weibull,
+        &[2.0, 3.0],
+        [2.658_681, 1.389_749, 4.552_281],
+    ),
+    // The mode and scale times −ln(−ln 0.9) more.
+    (Family::Gumbel, &[10.0, 2.0], [10.0, 2.0, 12.609_102]),
+    // 2 + 4/3, 4 √(2/63), 2 + 4 x with 1 − (1 − x)⁵ − 5 x (1 − x)⁴ = 0.9
+    (
+        Family::Beta,
+        &[2.0, 4.0, 2.0, 6.0],
+        [3.333_333, 0.712697, 4.335561],
+    ),
+    (
+        Family::TruncatedNormal,
+        &[0.0, 1.0, 0.0, 2.0],
+        [0.722790, 0.501315, 1.472262],
+    ),
+];
+
+#[test]
+fn quantiles_and_moments_are_those_of_the_tables() {
+    let z90 = normal_quantile(0.9);
+    for (family, parameters, [mean, sd, p90]) in CASES {
+        let marginal = Marginal::new(family, parameters, &[]).unwrap();
+        assert!(
+            (marginal.mean() - mean).abs() < 2e-6,
+            "{family:?} {}",
+            marginal.mean()
+        );
+        let found = marginal.quantile(z90);
+        assert!((found - p90).abs() < 2e-6 * p90, "{family:?} {found}");
+        let n = 200_000;
+        let values: Vec<f64> = (0..n)
+            .map(|i| marginal.quantile(normal_quantile((f64::from(i) + 0.5) / f64::from(n))))
+            .collect();
+        let (of_mean, of_sd) = stats::mean_sd(&values).unwrap();
+        assert!((of_mean - mean).abs() < 1e-4, "{family:?} {of_mean}");
+        assert!((of_sd - sd).abs() < 2e-3, "{family:?} {of_sd}");
+        for z in [-40.0, 40.0] {
+            assert!(marginal.quantile(z).is_finite(), "{family:?} {z}");
+        }
+    }
+}
+
+#[test]
+fn a_table_gives_its_values_with_equal_probabilities() {
+    let values = [1.0, 2.0, 2.0, 7.0];
+    let table = Marginal::new(Family::Table, &[], &values).unwrap();
+    let at = |u: f64| table.quantile(normal_quantile(u));
+    assert_eq!([at(0.1), at(0.3), at(0.6), at(0.76)], [1.0, 2.0, 2.0, 7.0]);
+    assert_eq!((table.mean(), table.quantile(9.0)), (3.0, 7.0));
+}
+
+#[test]
+fn parameters_without_a_distribution_have_none() {
+    for (family, parameters) in [
+        (Family::Normal, &[1.0, -1.0][..]),
+        (Family::Normal, &[f64::NAN, 1.0]),
+        (Family::Lognormal, &[-1.0, 1.0]),
+        (Family::Uniform, &[2.0, 1.0]),
+        (Family::Triangular, &[1.0, 5.0, 4.0]),
+        (Family::Weibull, &[0.0, 1.0]),
+        (Family::Gumbel, &[0.0, -1.0]),
+        (Family::Beta, &[1.0, 1.0, 3.0, 2.0]),
+        (Family::TruncatedNormal, &[0.0, 1.0, 2.0, 2.0]),
+        (Family::Table, &[]),
+    ] {
+        assert!(
+            Marginal::new(family, parameters, &[]).is_none(),
+            "{family:?}"
+        );
+    }
+    // A tolerance of nothing.
+    let exact = Marginal::new(Family::Normal, &[3.0, 0.0], &[]).unwrap();
+    assert_eq!(exact.quantile(2.0), 3.0);
+}
+
+#[test]
+fn correlated_scores_have_their_correlations() {
+    let matrix = [[1.0, 0.5, -0.3], [0.5, 1.0, 0.2], [-0.3, 0.2, 1.0]];
+    let copula = Copula::new(3, |i, j| matrix[i][j]).unwrap();
+    let n = 100_000_u32;
+    let mut sums = [[0.0; 3]; 3];
+    for sample in 0..n {
+        let mut rng = stream(5, Purpose::Test, 0, sample.into());
+        let z = copula.correlated(&normal_scores(&mut rng, 3));
+        for i in 0..3 {
+            for j in 0..3 {
+                sums[i][j] += z[i] * z[j] / f64::from(n);
+            }
+        }
+    }
+    for i in 0..3 {
+        for j in 0..3 {
+            assert!((sums[i][j] - matrix[i][j]).abs() < 0.015, "{sums:?}");
+        }
+    }
+    assert_eq!(Copula::new(2, |_, _| 1.0), None);
+    let impossible = [[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]];
+    assert_eq!(Copula::new(3, |i, j| impossible[i][j]), None);
+}
