@@ -15,6 +15,7 @@ mod inputs;
 
 pub use compute::{
     FAILED, KeepGoing, NOT_A_NUMBER, RULED_OUT, SIMULATOR_PANIC, compute, compute_until, failed,
+    random_values,
 };
 pub use inputs::Inputs;
 

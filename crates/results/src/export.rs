@@ -7,7 +7,8 @@ use std::io::Write;
 
 use clap::ValueEnum;
 use ledger::StreamId;
-use problem::formulation::{Problem, Quantity};
+use problem::formulation::{Problem, Quantity, RandomInputs};
+use problem::task::random_values;
 use stages::fitting::{ModelSummary, latest_model};
 use stages::names;
 use stages::rounds::Round;
@@ -179,16 +180,33 @@ async fn samples<W: Write + Send>(
     problem: &Problem,
     out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
-    let mut out = out.table(vec![
+    let mut columns = vec![
         Column::whole("design"),
         Column::whole("sample"),
         quantity(problem.sampled()),
-    ])?;
+    ];
+    let random = problem.random().map_or(&[][..], RandomInputs::quantities);
+    columns.extend(random.iter().map(quantity));
+    let mut out = out.table(columns)?;
+    // The random inputs of a sample follow from its design.
+    let designs = match random {
+        [] => Vec::new(),
+        _ => store.designs().await?,
+    };
+    let base = problem.base();
     store
         .visit_samples(|block| {
-            let design = block.stream.index;
-            let mut rows = block.indexed();
-            rows.try_for_each(|(sample, value)| out.write(&row![design, sample, value]))
+            let number = block.stream.index;
+            let row = designs.get(number as usize);
+            let design = row.map(|row| problem.design(&row.x, base));
+            block.indexed().try_for_each(|(sample, value)| {
+                let mut row = row![number, sample, value].to_vec();
+                let values = design
+                    .as_ref()
+                    .and_then(|design| random_values(problem, block.stream, design, sample));
+                row.extend(values.into_iter().flatten().map(Cell::from));
+                out.write(&row)
+            })
         })
         .await?;
     out.finish()

@@ -38,7 +38,8 @@
 //!   samples, by a control variate, antithetic or quasi-random coefficients.
 //! - [`Marginal`], [`Copula`]: the values of random inputs from standard normal scores.
 //! - [`samples_needed`]: how many more samples until the percentile is precise enough.
-//! - [`SensitivityPlan`]: which share of an output's variance comes from which input.
+//! - [`SensitivityPlan`]: which share of an output's variance comes from which input; [`main_effect`] the same from
+//!   samples that are there.
 //! - [`lilliefors`]: a test of normality.
 //! - [`streams`]: named random streams.
 
@@ -51,6 +52,7 @@ mod control;
 mod copula;
 mod error;
 mod exact;
+mod main_effect;
 mod marginal;
 mod measure;
 mod moments;
@@ -75,6 +77,7 @@ pub use control::{CONTROL_MIN_SAMPLES, Control, ControlledPercentile, control_va
 pub use copula::Copula;
 pub use error::Error;
 pub use exact::{EXACT_Z90, c4, exact_p90_variance, normal_quantile, sd_bias};
+pub use main_effect::{MAIN_EFFECT_MIN_SAMPLES, main_effect};
 pub use marginal::{Family, Marginal};
 pub use measure::Measure;
 pub use moments::mean_sd;

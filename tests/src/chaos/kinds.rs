@@ -124,7 +124,7 @@ impl Kind {
             }
             Self::External => vec![external(true)],
             Self::Alone | Self::Licence => vec![external(is_even)],
-            Self::Problem => vec![problem()],
+            Self::Problem => vec![problem(is_even)],
             Self::Files => vec![files()],
             Self::Sharded => {
                 let text = small_campaign(40, 3000);
@@ -213,9 +213,26 @@ fn external(is_precise: bool) -> String {
 }
 
 /// The example of a problem without gears, with infill. What fails in an outage is a result at once, until the
-/// campaign is told to compute it again.
-fn problem() -> String {
+/// campaign is told to compute it again. The other form has discrete variables and another measure.
+fn problem(is_shipped: bool) -> String {
     let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
+    let text = match is_shipped {
+        true => text,
+        false => changed(
+            &text,
+            &[
+                (
+                    "name = \"x2\"\nlow = -3.141592653589793\nhigh = 3.141592653589793",
+                    "name = \"x2\"\nlow = -3\nhigh = 3\ninteger = true",
+                ),
+                (
+                    "name = \"x3\"\nlow = -3.141592653589793\nhigh = 3.141592653589793",
+                    "name = \"x3\"\nvalues = [-3.0, -1.0, 2.0, 2.5]",
+                ),
+                ("measure = \"percentile\"", "measure = \"superquantile\""),
+            ],
+        ),
+    };
     let text = change(&text, "samples_per_design = 30", "samples_per_design = 40");
     text + "\n[optimise]\nevaluations = 200\nstarts = 2\ndirect = true\n\n[verify]\nsamples = 500\n\n[enrichment]\n\
             criterion = \"expected-quantile-improvement\"\nsamples = 1600\nrounds = 3\n\

@@ -77,17 +77,7 @@ pub fn compute_until(
                 Ok(Err(why)) => return whole(why),
                 Err(panic) => return whole(panicked(&panic)),
             };
-            let (purpose, number) = VERIFICATION;
-            let names = Names {
-                seed: simulator.problem().campaign().seed,
-                purpose,
-                design: match stream.index {
-                    infill @ FIRST_INFILL.. => infill,
-                    _ => number,
-                },
-                // Independent samples, so that all approaches are verified alike.
-                coefficients: stats::Sampling::Independent,
-            };
+            let names = Names::of(simulator.problem(), stream);
             let output =
                 |samples: &[f64]| (!samples.is_empty()).then(|| Output::Samples(samples.to_vec()));
             let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
@@ -245,12 +235,7 @@ fn design(
         return done(output(&[]));
     }
     let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
-    let names = Names {
-        seed: campaign.seed,
-        purpose: Purpose::Wear,
-        design: unit.stream.index,
-        coefficients: campaign.sampling.coefficients(),
-    };
+    let names = Names::of(problem, unit.stream);
     let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
     // The criteria of a design whose samples fail are stored without them, if the failure is a result.
     let is_result = campaign.sampling.tolerates_failures();
@@ -328,6 +313,37 @@ struct Names {
 }
 
 impl Names {
+    /// Those of a design, or of a point's verification or infill samples.
+    fn of(problem: &Problem, stream: StreamId) -> Self {
+        let campaign = problem.campaign();
+        let (verification, number) = VERIFICATION;
+        let (purpose, design, coefficients) = match (stream.kind, stream.index) {
+            (Kind::Point, infill @ FIRST_INFILL..) => {
+                (verification, infill, stats::Sampling::Independent)
+            }
+            // Independent samples, so that all approaches are verified alike.
+            (Kind::Point, _) => (verification, number, stats::Sampling::Independent),
+            (_, design) => (Purpose::Wear, design, campaign.sampling.coefficients()),
+        };
+        Self {
+            seed: campaign.seed,
+            purpose,
+            design,
+            coefficients,
+        }
+    }
+
+    /// The standard normal coefficients of one sample.
+    fn scores(self, sample: u64, count: usize) -> Result<Vec<f64>, stats::Error> {
+        let Self {
+            seed,
+            purpose,
+            design,
+            coefficients,
+        } = self;
+        stats::normal_coefficients(coefficients, seed, purpose, design, sample, count)
+    }
+
     /// The response of one sample, which does not depend on the other samples drawn.
     fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, NoAnswer> {
         let sample = u64::from(index);
@@ -336,22 +352,27 @@ impl Names {
                 let mut rng = stream(self.seed, self.purpose, self.design, sample);
                 design.sample(&mut rng)
             }
-            even => {
-                let modes = design.modes();
-                let coefficients = stats::normal_coefficients(
-                    even,
-                    self.seed,
-                    self.purpose,
-                    self.design,
-                    sample,
-                    modes,
-                );
-                let coefficients =
-                    coefficients.map_err(|error| NoAnswer::Failed(error.to_string()))?;
-                design.sample_at(&coefficients)
+            _ => {
+                let scores = self.scores(sample, design.modes());
+                let scores = scores.map_err(|error| NoAnswer::Failed(error.to_string()))?;
+                design.sample_at(&scores)
             }
         }
     }
+}
+
+/// The values of the random inputs of a stored sample of `design`; `None` for a campaign that states none.
+#[must_use]
+pub fn random_values(
+    problem: &Problem,
+    stream: StreamId,
+    design: &Design,
+    sample: u64,
+) -> Option<Vec<f64>> {
+    let inputs = problem.random()?;
+    let names = Names::of(problem, stream);
+    let scores = names.scores(sample, inputs.quantities().len()).ok()?;
+    inputs.values(design, &scores).ok()
 }
 
 /// Samples of the response, each from its own random stream, until one fails.

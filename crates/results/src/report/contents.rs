@@ -10,7 +10,7 @@ use super::doe::{self, DoePoint};
 use super::drawing::{self, Illustration};
 use super::enrichment::{self, Enrichment};
 use super::head;
-use super::model::{self, Slice, VariableIndices};
+use super::model::{self, ScatterShare, Slice, VariableIndices};
 use super::printed::PaperFigures;
 use super::runs::{self, OptimiserRun};
 use super::wear::{self, WearProfiles};
@@ -31,6 +31,8 @@ pub struct Report {
     pub slices: Vec<Slice>,
     /// The share of each variable in the variance of the model's mean over the box.
     pub indices: Vec<VariableIndices>,
+    /// The share of each random input in the scatter at the recommended design.
+    pub scatter: Vec<ScatterShare>,
     /// `None` for a problem other than gears.
     pub gears: Option<GearFigures>,
 }
@@ -68,6 +70,7 @@ impl Report {
             made: made.to_vec(),
             slices: model::slices(&snapshot, best.map(|found| &found.design))?,
             indices: model::indices(&snapshot)?,
+            scatter: model::scatter(&snapshot),
             gears: match snapshot.problem.gears() {
                 Some(_) => Some(GearFigures {
                     paper: PaperFigures::of(&snapshot),

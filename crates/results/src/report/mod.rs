@@ -47,7 +47,7 @@ pub use drawing::{
 };
 pub use enrichment::{Enrichment, EnrichmentRound, rounds};
 pub use error::Error;
-pub use model::{Slice, VariableIndices};
+pub use model::{ScatterShare, Slice, VariableIndices};
 pub use page::{
     ChartFile, PAGE_STYLE, PairPage, ReportFiles, TradeoffPage, TradeoffRow, TradeoffStudy,
     campaign_digest, campaign_name, render, render_atlas, render_pair, render_tradeoff,

@@ -1,8 +1,10 @@
-//! Slices and Sobol' indices of the kriging model.
+//! Slices and Sobol' indices of the kriging model, and of the random inputs at the recommended design.
 
 use problem::Design;
-use stats::SensitivityPlan;
+use problem::task::random_values;
+use stages::names;
 use stats::streams::{Purpose, stream};
+use stats::{SensitivityPlan, main_effect};
 
 use super::quantity::{label, variable_name};
 use crate::snapshot::Snapshot;
@@ -35,6 +37,46 @@ pub struct VariableIndices {
     pub first: f64,
     /// Total index, 0 to 1: what it does together with the others, too.
     pub total: f64,
+}
+
+/// The share of one random input in the scatter of the response.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ScatterShare {
+    pub input: String,
+    /// First-order Sobol' index, 0 to 1.
+    pub share: f64,
+}
+
+/// The shares of the random inputs in the variance of the recommended optimum's verification samples, the largest
+/// first. Empty without inputs that the campaign states, or with too few samples.
+pub(super) fn scatter(snapshot: &Snapshot) -> Vec<ScatterShare> {
+    let problem = &snapshot.problem;
+    let (Some(inputs), Some(best)) = (problem.random(), snapshot.optima.recommended()) else {
+        return Vec::new();
+    };
+    let (Some(found), stream) = (
+        best.optimum.feasible(),
+        names::verification(best.optimum.approach),
+    ) else {
+        return Vec::new();
+    };
+    let known = (0..).zip(best.samples()).filter_map(|(sample, &value)| {
+        let values = random_values(problem, stream, &found.design, sample)?;
+        value.is_finite().then_some((values, value))
+    });
+    let (values, output): (Vec<Vec<f64>>, Vec<f64>) = known.unzip();
+    let named = inputs.quantities().iter().enumerate();
+    let mut shares: Vec<ScatterShare> = named
+        .filter_map(|(place, input)| {
+            let column: Vec<f64> = values.iter().map(|values| values[place]).collect();
+            Some(ScatterShare {
+                input: input.name.to_string(),
+                share: main_effect(&column, &output)?,
+            })
+        })
+        .collect();
+    shares.sort_by(|a, b| b.share.total_cmp(&a.share));
+    shares
 }
 
 /// The model along each variable of the DoE through a design.

@@ -2,7 +2,7 @@
 //! correlated scores.
 
 use stats::streams::{Purpose, stream};
-use stats::{Copula, Family, Marginal, normal_quantile, normal_scores};
+use stats::{Copula, Family, Marginal, main_effect, normal_quantile, normal_scores};
 
 /// A family with parameters, and its mean, standard deviation and 90 % quantile: in closed form, of the beta distribution by
 /// bisection.
@@ -119,4 +119,26 @@ fn correlated_scores_have_their_correlations() {
     assert_eq!(Copula::new(2, |_, _| 1.0), None);
     let impossible = [[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]];
     assert_eq!(Copula::new(3, |i, j| impossible[i][j]), None);
+}
+
+/// y = 2 a + b² + noise: the variances are 4, 2 and 1.
+#[test]
+fn main_effects_are_first_order_sobol_indices() {
+    for (n, tolerance) in [(400, 0.09), (10_000, 0.02)] {
+        let mut columns = [const { Vec::new() }; 3];
+        let mut output = Vec::new();
+        for sample in 0..n {
+            let z = normal_scores(&mut stream(6, Purpose::Test, 0, sample), 4);
+            for (column, z) in columns.iter_mut().zip(&z) {
+                column.push(*z);
+            }
+            output.push(2.0 * z[0] + z[1] * z[1] + z[3]);
+        }
+        let found = columns.map(|column| main_effect(&column, &output).unwrap());
+        for (found, expected) in found.iter().zip([4.0 / 7.0, 2.0 / 7.0, 0.0]) {
+            assert!((found - expected).abs() < tolerance, "{n}: {found:?}");
+        }
+    }
+    assert_eq!(main_effect(&[1.0; 200], &[2.0; 200]), None);
+    assert_eq!(main_effect(&[1.0; 50], &[2.0; 50]), None);
 }

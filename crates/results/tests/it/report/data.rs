@@ -55,6 +55,7 @@ pub(crate) fn plausible() -> Report {
         missing: Vec::new(),
         made: vec![("Machine".to_owned(), "bench".to_owned())],
         slices: vec![slice()],
+        scatter: Vec::new(),
         indices: vec![VariableIndices {
             variable: symbol("x_p"),
             first: 0.31,

@@ -4,12 +4,20 @@ use problem::simulator::State;
 
 use super::*;
 
-/// The problem of the Ishigami function, with a program that computes another function.
+/// The variables and the response of the Ishigami function, with a program that computes another function and draws
+/// its random effects itself.
 fn through_files(template: &str, command: &str) -> (Problem, Backend, tempfile::TempDir) {
+    let (before, random) = ISHIGAMI.split_once("[[random]]").unwrap();
+    let (_, after) = random.split_once("\n\n").unwrap();
+    of_campaign(&format!("{before}{after}"), template, command)
+}
+
+const ISHIGAMI: &str = include_str!("../../../../../../campaigns/ishigami/campaign.toml");
+
+fn of_campaign(text: &str, template: &str, command: &str) -> (Problem, Backend, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("in.txt");
     std::fs::write(&path, template).unwrap();
-    let text = include_str!("../../../../../../campaigns/ishigami/campaign.toml");
     let problem = Problem::new(Campaign::parse("i.toml", text).unwrap());
     let exec = Exec {
         command: command.to_owned(),
@@ -65,6 +73,29 @@ fn a_program_is_asked_through_files() {
     );
     let (problem, backend, _folder) = through_files(TEMPLATE, &here);
     assert_eq!(sum(&problem, &backend).unwrap().0, 1.75);
+}
+
+/// The offset is normal with a standard deviation of 0.5: the command gets its value, and no seed.
+#[test]
+fn random_inputs_that_the_campaign_states_are_filled_in() {
+    let command = "awk '{printf \"y = %.17g\", $1+$2+$3+$4}' in.txt > out.txt";
+    let (problem, backend, _folder) = of_campaign(ISHIGAMI, "{x1} {x2} {x3} {offset}\n", command);
+    let (baseline, samples) = sum(&problem, &backend).unwrap();
+    assert_eq!(baseline, 1.75, "the mean of the offset is 0");
+    let scores = |number| {
+        let mut rng = stats::streams::stream(1, stats::streams::Purpose::Wear, 0, number);
+        stats::normal_scores(&mut rng, 1)[0]
+    };
+    assert_eq!(samples, [0, 1].map(|number| 1.75 + 0.5 * scores(number)));
+    let (problem, backend, _folder) = of_campaign(ISHIGAMI, "{x1} {x2} {x3} {seed}\n", command);
+    let error = sum(&problem, &backend).unwrap_err();
+    assert!(error.contains("in.txt has no {offset}"), "{error}");
+    // At a design where the standard deviation is negative nothing is run.
+    let text = ISHIGAMI.replace("sd = 0.5 ", "sd = \"x1 - 3\" ");
+    let (problem, backend, _folder) = of_campaign(&text, "{x1} {x2} {x3} {offset}\n", command);
+    let error = sum(&problem, &backend).unwrap_err();
+    let expected = "refused random-input: offset has no distribution with mean = 0, sd = -2";
+    assert_eq!(error, expected);
 }
 
 #[test]
