@@ -12,8 +12,9 @@
 use crate::Campaign;
 use crate::file::{Aim, CorrectionsSection, FrozenFrom, Kind, Penalty};
 
+pub use crate::approach::Approach;
+
 mod analysis;
-mod approach;
 mod constraint;
 mod design;
 mod external;
@@ -23,7 +24,6 @@ mod random;
 mod space;
 
 pub use analysis::{Analysis, State};
-pub use approach::Approach;
 pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
@@ -312,20 +312,22 @@ impl Problem {
     }
 
     /// The approaches of the campaign, in the order of the paper's Table 5.
-    pub fn approaches(&self) -> impl Iterator<Item = Approach> + use<> {
-        let has_all = self.gears().is_some();
-        let has_baseline = self.has_baseline();
-        let enriches = self.campaign.enrichment.is_some();
-        let is_direct = self.campaign.optimise.direct;
+    pub fn approaches(&self) -> impl Iterator<Item = Approach> {
+        let campaign = &self.campaign;
+        let is_possible = |approach: &Approach| match approach {
+            Approach::Nominal => self.gears().is_some(),
+            Approach::Baseline => self.has_baseline(),
+            Approach::Kriging | Approach::BestOfDoe => true,
+            Approach::EnrichedKriging => campaign.enrichment.is_some(),
+            Approach::Direct => campaign.optimise.direct,
+        };
+        let is_wanted = |approach: &Approach| {
+            let listed = campaign.approaches.as_ref();
+            listed.is_none_or(|listed| listed.contains(approach))
+        };
         Approach::ALL
             .into_iter()
-            .filter(move |approach| match approach {
-                Approach::Nominal => has_all,
-                Approach::Baseline => has_baseline,
-                Approach::Kriging | Approach::BestOfDoe => true,
-                Approach::EnrichedKriging => enriches,
-                Approach::Direct => is_direct,
-            })
+            .filter(move |approach| is_possible(approach) && is_wanted(approach))
     }
 
     /// The number of optimiser runs of the campaign.

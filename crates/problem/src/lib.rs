@@ -11,6 +11,7 @@
 #![warn(missing_docs)]
 
 pub mod accuracy;
+mod approach;
 pub mod file;
 pub mod formulation;
 pub mod optimise;

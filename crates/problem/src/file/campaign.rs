@@ -7,9 +7,10 @@ use sha2::{Digest, Sha256};
 use super::form::Form;
 use super::validate::{Invalid, Source};
 use super::{
-    ControlVariate, Doe, Enrichment, ExternalSections, FileError, GearSections, Kriging, Optimise,
-    Sampling, SimulatorKind, SimulatorSection, Verify, WearCoefficients,
+    ControlVariate, Doe, Enrichment, ExternalSections, FileError, FrozenFrom, GearSections,
+    Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify, WearCoefficients,
 };
+use crate::approach::Approach;
 
 /// A validated campaign file: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +21,8 @@ pub struct Campaign {
     pub seed: u64,
     /// The kind of problem, with its sections.
     pub kind: Kind,
+    /// `approaches`: those that are asked for; `None` for all that the other sections allow.
+    pub approaches: Option<Vec<Approach>>,
     /// `[doe]`
     pub doe: Doe,
     /// `[sampling]`
@@ -318,6 +321,7 @@ impl Campaign {
                 sections.validate(source, &self.sampling.measure_column())?;
             }
         }
+        self.validate_approaches(source)?;
         if let Some(enrichment) = &self.enrichment {
             enrichment.validate(source)?;
             self.infill_is_possible(source)?;
@@ -341,6 +345,45 @@ impl Campaign {
         self.kriging
             .validate(source, self.doe.designs, &self.sampling)?;
         self.optimise.validate(source)
+    }
+
+    /// Requires that the listed approaches are possible, and that nothing is asked for beside the list.
+    fn validate_approaches(&self, source: Source<'_>) -> Result<(), FileError> {
+        let Some(listed) = &self.approaches else {
+            return Ok(());
+        };
+        let refuse = |expected: &str| Err(source.refuse("approaches", listed, expected));
+        let has = |approach| listed.contains(&approach);
+        let has_baseline = match &self.kind {
+            Kind::Gears(_) => true,
+            Kind::External(sections) => sections.response.baseline,
+        };
+        let base = self.gears().and_then(|sections| sections.frozen);
+        let needs_base = base.is_some_and(|frozen| frozen.from == FrozenFrom::Deterministic);
+        let is_double = (1..listed.len()).any(|place| listed[..place].contains(&listed[place]));
+        if listed.is_empty() || is_double {
+            return refuse("a list of one or more different approaches");
+        }
+        if has(Approach::Nominal) && self.gears().is_none() {
+            return refuse("without \"no-wear\", which is for gears");
+        }
+        if has(Approach::Baseline) && !has_baseline {
+            return refuse("without \"baseline\", unless response.baseline is true");
+        }
+        if needs_base && !has(Approach::Nominal) {
+            return refuse(
+                "with \"no-wear\" beside frozen.from = \"deterministic\", which takes its optimum",
+            );
+        }
+        if has(Approach::EnrichedKriging) != self.enrichment.is_some() {
+            return refuse(
+                "with \"enriched-kriging\" beside a section [enrichment], and only then",
+            );
+        }
+        if has(Approach::Direct) != self.optimise.direct {
+            return refuse("with \"direct\" beside optimise.direct = true, and only then");
+        }
+        Ok(())
     }
 
     /// Requires that the coordinator can decide rounds of infill.

@@ -11,6 +11,7 @@ use super::{
     Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection, Report,
     ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify, wear,
 };
+use crate::approach::Approach;
 
 /// The kind of a file.
 #[derive(Deserialize, JsonSchema)]
@@ -48,6 +49,10 @@ pub(crate) struct GearFile {
     name: String,
     /// The seed, from which every random number of the campaign follows.
     seed: u64,
+    /// The approaches to the optimum that are taken; if absent, all that the other sections allow. The DoE is sampled in
+    /// any case.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    approaches: Option<Vec<Approach>>,
     pair: Pair,
     load: Load,
     material: Material,
@@ -91,6 +96,10 @@ pub(crate) struct ExternalFile {
     name: String,
     /// The seed, from which every random number of the campaign follows.
     seed: u64,
+    /// The approaches to the optimum that are taken; if absent, all that the other sections allow. The DoE is sampled in
+    /// any case.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    approaches: Option<Vec<Approach>>,
     variables: Vec<VariableSection>,
     #[serde(default)]
     constraints: Vec<ConstraintSection>,
@@ -211,6 +220,7 @@ impl From<GearFile> for Campaign {
         Self {
             name: file.name,
             seed: file.seed,
+            approaches: file.approaches,
             kind: Kind::Gears(Box::new(sections)),
             doe: file.doe,
             sampling: file.sampling.of(file.objective),
@@ -231,6 +241,7 @@ impl From<ExternalFile> for Campaign {
         Self {
             name: file.name,
             seed: file.seed,
+            approaches: file.approaches,
             kind: Kind::External(ExternalSections {
                 variables: file.variables,
                 constraints: file.constraints,
@@ -259,6 +270,7 @@ impl From<Campaign> for Form {
         let Campaign {
             name,
             seed,
+            approaches,
             kind,
             doe,
             sampling,
@@ -275,6 +287,7 @@ impl From<Campaign> for Form {
                 format,
                 name,
                 seed,
+                approaches,
                 pair: sections.pair,
                 load: sections.load,
                 material: sections.material,
@@ -301,6 +314,7 @@ impl From<Campaign> for Form {
                 format,
                 name,
                 seed,
+                approaches,
                 variables: sections.variables,
                 constraints: sections.constraints,
                 random: sections.random,

@@ -2,3 +2,4 @@
 
 mod problems;
 mod stability;
+mod statements;

@@ -20,6 +20,7 @@ fn empty() -> Report {
         missing: Vec::new(),
         made: Vec::new(),
         slices: Vec::new(),
+        scatter: Vec::new(),
         indices: Vec::new(),
         gears: Some(GearFigures {
             paper: Some(PaperFigures::default()),

@@ -1,17 +1,20 @@
 //! The approaches to an optimal design.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One of the paper's four approaches (section IV.D), or a further one.
-/// [`Problem::approaches`](super::Problem::approaches) lists those of a campaign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+/// [`Problem::approaches`](crate::formulation::Problem::approaches) lists those of a campaign.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
+)]
 #[serde(rename_all = "kebab-case")]
 pub enum Approach {
     /// 1) Minimises the nominal response (for a gear pair, ΔSTE without wear) over all variables.
     #[serde(rename = "no-wear")]
     Nominal,
     /// 2) Minimises the response without random effects: for a gear pair, ΔSTE with Archard's wear.
-    #[serde(rename = "archard")]
+    #[serde(rename = "archard", alias = "baseline")]
     Baseline,
     /// 3) Minimises the kriging mean of P90.
     Kriging,
