@@ -17,6 +17,7 @@
 use std::fmt::Write as _;
 
 use ledger::{Generation, Kind, StreamId};
+use problem::file::Sampling;
 use problem::formulation::{Approach, Design, Problem};
 use problem::task::{Inputs, Run, Source};
 use serde::Serialize;
@@ -88,6 +89,12 @@ impl Digest {
     /// Adds settings of the campaign.
     fn with_settings(self, settings: &impl Serialize) -> Self {
         self.with(&serde_json::to_string(settings).expect("plain numbers and names serialise"))
+    }
+
+    /// Adds the number of samples, their estimator and their measure.
+    fn with_sampling(self, sampling: &Sampling) -> Self {
+        self.with_settings(sampling)
+            .with_settings(&sampling.objective)
     }
 
     fn with_base(mut self, base: Option<&Design>) -> Self {
@@ -267,7 +274,7 @@ impl<'a> Dependencies<'a> {
     pub(crate) fn responses_inputs(&self) -> String {
         Digest::new("responses")
             .with(&self.state.samples)
-            .with_settings(&self.problem.campaign().sampling)
+            .with_sampling(&self.problem.campaign().sampling)
             .with_base(self.base.as_ref())
             .hex()
     }
@@ -280,7 +287,7 @@ impl<'a> Dependencies<'a> {
             .with(&self.state.criteria)
             .with_base(self.base.as_ref())
             .with_settings(&campaign.kriging)
-            .with_settings(&campaign.sampling);
+            .with_sampling(&campaign.sampling);
         Some(digest.hex())
     }
 
@@ -331,7 +338,7 @@ impl<'a> Dependencies<'a> {
             .with(&self.state.criteria)
             .with_settings(&campaign.enrichment)
             .with_settings(&campaign.kriging)
-            .with_settings(&campaign.sampling)
+            .with_sampling(&campaign.sampling)
             .with_base(self.base.as_ref());
         let mut all = vec![first.hex()];
         for results in &self.state.enrichment.rounds {

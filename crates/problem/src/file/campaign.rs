@@ -147,6 +147,10 @@ impl Campaign {
         values.sampling.samples_per_design = 0;
         values.verify = Verify::default();
         values.enrichment = None;
+        values.approaches = None;
+        if !self.samples_follow_measure() {
+            values.sampling.objective = values.sampling.objective.of_aim();
+        }
         values.kriging = self.kriging.without_choices();
         values.simulator = self.simulator.without_retries();
         values.set_limits([None; 2]);
@@ -154,8 +158,8 @@ impl Campaign {
     }
 
     /// Whether this campaign is a larger version of `held`: more designs, more samples per design
-    /// or more verification samples, an enrichment or a larger budget for it, other limits of the
-    /// response, or another model with the same kernel, and everything else the same. The samples taken for `held` are then part of
+    /// or more verification samples, more approaches, an enrichment or a larger budget for it, other limits of the
+    /// response, another measure of it, or another model with the same kernel, and everything else the same. The samples taken for `held` are then part of
     /// this campaign.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
@@ -166,7 +170,16 @@ impl Campaign {
             (Some(section), Some(held)) => section.extends(held),
             (section, held) => held.is_none() || section == held,
         };
+        let has_all = match (&self.approaches, &held.approaches) {
+            (Some(ours), Some(held)) => held.iter().all(|approach| ours.contains(approach)),
+            (ours, _) => ours.is_none(),
+        };
         let mut same = self.clone();
+        same.approaches.clone_from(&held.approaches);
+        let aims = [self, held].map(|campaign| campaign.sampling.objective.aim);
+        if aims[0] == aims[1] && !self.samples_follow_measure() && !held.samples_follow_measure() {
+            same.sampling.objective = held.sampling.objective;
+        }
         same.doe.designs = held.doe.designs;
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify = held.verify;
@@ -178,7 +191,12 @@ impl Campaign {
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();
         }
-        grows && enriches && same == *held
+        grows && enriches && has_all && same == *held
+    }
+
+    /// Whether samples depend on the measure: a direct search takes them where the measure is good.
+    const fn samples_follow_measure(&self) -> bool {
+        self.optimise.direct
     }
 
     /// `response.min` and `response.max`. They decide which samples are taken, not their values.

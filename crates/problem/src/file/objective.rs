@@ -75,6 +75,14 @@ impl Objective {
         }
     }
 
+    /// The default measure with this aim.
+    pub(super) fn of_aim(self) -> Self {
+        Self {
+            aim: self.aim,
+            ..Self::percentile(PAPERS_LEVEL)
+        }
+    }
+
     /// The objective with its defaults filled in.
     pub(super) fn resolved(self) -> Self {
         let has_level = matches!(

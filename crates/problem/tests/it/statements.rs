@@ -114,7 +114,10 @@ fn keys_that_a_measure_does_not_take_are_refused() {
     let even = "[sampling]\nestimator = \"normal\"\ncoefficients = \"antithetic\"\n";
     let exceedance = (MEASURE, "measure = \"exceedance\"\nlimit = 1");
     let error = refused(&[exceedance, (LEVEL, ""), ("[sampling]\n", even)]);
-    assert!(error.contains("objective.measure is \"exceedance\""), "{error}");
+    assert!(
+        error.contains("objective.measure is \"exceedance\""),
+        "{error}"
+    );
 }
 
 /// A failed sample is the worst for percentile and probability; other measures do not exist with it.
@@ -307,4 +310,30 @@ fn approaches_are_chosen_by_name() {
         let error = refused(&[("seed = 1 ", &listed(list))]);
         assert!(error.contains(says), "{error}");
     }
+}
+
+/// Samples do not depend on the measure, unless a direct search takes them where it is good.
+#[test]
+fn another_measure_of_the_same_samples_extends_a_campaign() {
+    let held = with(&[]).unwrap();
+    let mean = (MEASURE, "measure = \"mean\"");
+    let other = with(&[mean, (LEVEL, "")]).unwrap();
+    let both = [&held, &other].map(Problem::campaign);
+    assert!(both[1].extends(both[0]) && both[0].extends(both[1]));
+    assert_eq!(both[0].values_digest(), both[1].values_digest());
+    assert_ne!(both[0].digest(), both[1].digest());
+    let up = with(&[(AIM, "aim = \"maximise\"")]).unwrap();
+    assert!(
+        !up.campaign().extends(both[0]),
+        "a failed sample is −∞ there"
+    );
+    let direct = ("[sampling]\n", "[optimise]\ndirect = true\n\n[sampling]\n");
+    let searched = [
+        with(&[direct]).unwrap(),
+        with(&[direct, mean, (LEVEL, "")]).unwrap(),
+    ];
+    assert!(!searched[1].campaign().extends(searched[0].campaign()));
+    // More approaches, not fewer.
+    let few = with(&[("seed = 1 ", "seed = 1\napproaches = [\"kriging\"]\n")]).unwrap();
+    assert!(both[0].extends(few.campaign()) && !few.campaign().extends(both[0]));
 }
