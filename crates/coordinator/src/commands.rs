@@ -117,8 +117,13 @@ async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
-    let count = arguments.workers.unwrap_or_else(processors);
-    let workers = local_workers(&campaign, &arguments.simulator, count)?;
+    let file = arguments.campaign.as_deref();
+    let per_call = campaign.simulator.processors();
+    let count = arguments.workers.unwrap_or_else(|| {
+        let count = u32::from(processors()) / per_call;
+        u16::try_from(count.max(1)).unwrap_or(u16::MAX)
+    });
+    let workers = local_workers(&campaign, file, &arguments.simulator, count)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         check_out,
@@ -140,17 +145,20 @@ fn processors() -> u16 {
     u16::try_from(processors).unwrap_or(u16::MAX)
 }
 
-/// The settings of `count` workers of this process, with the campaign's simulator.
+/// The settings of `count` workers of this process, with the simulator of the arguments or of the campaign `file`.
 fn local_workers(
     campaign: &Campaign,
+    file: Option<&Path>,
     simulator: &runner::worker::SimulatorArguments,
     count: u16,
 ) -> Result<LocalWorkers, Usage> {
-    let exec = simulator.exec();
+    let folder = file.and_then(Path::parent).unwrap_or(Path::new(""));
+    let exec = simulator.exec_or(&campaign.simulator, folder);
     match (campaign.is_external(), &exec) {
         (true, None) if count > 0 => {
             return Err(Usage(format!(
-                "campaign {} is simulated by an external program: give it with --exec 'CMD'",
+                "campaign {} is simulated by an external program: name it in the file, with [simulator] command, \
+                 or give --exec 'CMD'",
                 campaign.name
             )));
         }
@@ -174,7 +182,8 @@ async fn serve(arguments: arguments::Serve) -> Result<u8, ProgramError> {
     viewing::refuse_open(arguments.http)?;
     let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
-    let workers = local_workers(&campaign, &arguments.simulator, arguments.workers)?;
+    let file = Some(&*arguments.campaign);
+    let workers = local_workers(&campaign, file, &arguments.simulator, arguments.workers)?;
     let plan = Plan {
         out: out_folder(arguments.out, &campaign),
         check_out,

@@ -25,6 +25,7 @@ mod random;
 mod sampling;
 mod sections;
 mod settings;
+mod simulator;
 mod validate;
 mod variant;
 mod wear;
@@ -48,8 +49,9 @@ pub(crate) use pair::gear_size;
 pub use pair::{PairFile, PairSection};
 pub use random::{CorrelationSection, DistributionName, Parameter, RandomSection};
 pub use sampling::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
-pub use sections::{Load, Manufacture, SimulatorKind, SimulatorSection};
+pub use sections::{Load, Manufacture};
 pub use settings::{Doe, Optimise, Verify};
+pub use simulator::{SimulatorKind, SimulatorSection};
 pub(crate) use validate::Source;
 
 /// The errors of campaign and pair files.

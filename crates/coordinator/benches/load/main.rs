@@ -226,6 +226,7 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
             command: command.clone(),
             timeout: Duration::from_secs(60),
             files: None,
+            environment: Vec::new(),
         }),
         host: format!("load:{}", std::process::id()),
         connect_timeout: Duration::from_secs(30),

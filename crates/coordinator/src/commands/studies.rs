@@ -25,7 +25,12 @@ use crate::progress::Progress;
 pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramError> {
     let campaign = parse(&arguments.campaign)?;
     let count = arguments.workers.unwrap_or_else(processors);
-    let workers = local_workers(&campaign, &arguments.simulator, count)?;
+    let workers = local_workers(
+        &campaign,
+        Some(&arguments.campaign),
+        &arguments.simulator,
+        count,
+    )?;
     let out = folder(arguments.out, &campaign, "sweep");
     let file = arguments.campaign.display().to_string();
     let members = sweep::members(&file, &campaign, &arguments.teeth, &out)?;

@@ -124,11 +124,11 @@ impl Campaign {
     }
 
     /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key
-    /// order, nor on how often failures are tried again.
+    /// order, nor on where the program is and how often failures are tried again.
     #[must_use]
     pub fn digest(&self) -> String {
         let mut content = self.clone();
-        content.simulator = content.simulator.without_retries();
+        content.simulator = content.simulator.of_values();
         hex(Sha256::digest(content.to_json().as_bytes()).into())
     }
 
@@ -152,7 +152,7 @@ impl Campaign {
             values.sampling.objective = values.sampling.objective.of_aim();
         }
         values.kriging = self.kriging.without_choices();
-        values.simulator = self.simulator.without_retries();
+        values.simulator = self.simulator.of_values();
         values.set_limits([None; 2]);
         Sha256::digest(values.to_json().as_bytes()).into()
     }
@@ -185,8 +185,8 @@ impl Campaign {
         same.verify = held.verify;
         same.enrichment = held.enrichment;
         same.set_limits(held.limits());
-        if same.simulator.without_retries() == held.simulator.without_retries() {
-            same.simulator = held.simulator;
+        if same.simulator.of_values() == held.simulator.of_values() {
+            same.simulator = held.simulator.clone();
         }
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();

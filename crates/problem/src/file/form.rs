@@ -119,24 +119,8 @@ pub(crate) struct ExternalFile {
     #[serde(default)]
     verify: Verify,
     #[serde(default)]
-    simulator: ExternalSimulator,
+    simulator: SimulatorSection,
     enrichment: Option<Enrichment>,
-}
-
-/// `[simulator]`: the program that every worker starts.
-#[derive(Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct ExternalSimulator {
-    /// Number of designs that the program simulates when a worker starts, to verify that all workers run the
-    /// same program; 3 if absent. With 0 only the version that the program reports counts, which is meant for
-    /// simulations that take very long.
-    probe_designs: Option<u32>,
-    /// Number of times that a failing request is tried before its failure is final; 3 if absent. An
-    /// attempt counts only if the program answers something else in between.
-    attempts: Option<u32>,
-    /// How long, in seconds, everything may fail before the campaign goes on without what fails; 60
-    /// if absent. A shorter outage, such as of a licence server, costs nothing but time.
-    retry_s: Option<f64>,
 }
 
 /// The file in either form.
@@ -256,9 +240,7 @@ impl From<ExternalFile> for Campaign {
             verify: file.verify.resolved(true),
             simulator: SimulatorSection {
                 kind: SimulatorKind::External,
-                probe_designs: file.simulator.probe_designs,
-                attempts: file.simulator.attempts,
-                retry_s: file.simulator.retry_s,
+                ..file.simulator
             },
             enrichment: file.enrichment,
         }
@@ -326,11 +308,7 @@ impl From<Campaign> for Form {
                 kriging,
                 optimise,
                 verify,
-                simulator: ExternalSimulator {
-                    probe_designs: simulator.probe_designs,
-                    attempts: simulator.attempts,
-                    retry_s: simulator.retry_s,
-                },
+                simulator,
                 enrichment,
             })),
         }

@@ -19,12 +19,12 @@ mod program;
 mod tests;
 
 use std::cell::{Cell, RefCell};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use problem::file::SimulatorKind;
+use problem::file::{SimulatorKind, SimulatorSection};
 use problem::formulation::{Design, Problem};
 use problem::probe::{self, ProbeError};
 use problem::simulator::{NoAnswer, Prepared, Simulator};
@@ -44,6 +44,10 @@ use program::Program;
 
 /// Pause before a program that fails on every question of the model digest is asked again.
 const PROBE_PAUSE: Duration = Duration::from_secs(2);
+/// The variable with the folder of the campaign file, for the campaign's command.
+const FOLDER: &str = "CAMPAIGN_FOLDER";
+/// Default time limit of an answer.
+const TIMEOUT: Duration = Duration::from_secs(600);
 /// Minimum time limit for the start of a program.
 const START: Duration = Duration::from_secs(30);
 
@@ -53,9 +57,9 @@ pub struct SimulatorArguments {
     /// The simulator of a campaign whose [simulator] is "external": a command for `sh -c`
     #[arg(long, value_name = "CMD")]
     exec: Option<String>,
-    /// Seconds that the external simulator may take for one answer
-    #[arg(long, value_name = "SECONDS", default_value = "600", value_parser = seconds)]
-    exec_timeout: Duration,
+    /// Seconds that the external simulator may take for one answer [default: the campaign's, or 600]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    exec_timeout: Option<Duration>,
     /// The template of the external simulator's input file, with {name} for each variable and
     /// {seed}: the command is then run once for each request, in a new folder ($OLDPWD is the
     /// folder of this program)
@@ -67,14 +71,41 @@ pub struct SimulatorArguments {
 }
 
 impl SimulatorArguments {
-    /// The external simulator, if there is one.
+    /// The external simulator of the arguments, if there is one.
     #[must_use]
     pub fn exec(&self) -> Option<Exec> {
         let files = self.template.clone().zip(self.result.clone());
         self.exec.clone().map(|command| Exec {
             command,
-            timeout: self.exec_timeout,
+            timeout: self.exec_timeout.unwrap_or(TIMEOUT),
             files: files.map(|(template, result)| FileMode { template, result }),
+            environment: Vec::new(),
+        })
+    }
+
+    /// The external simulator of the arguments, or else of the campaign, whose file lies in `folder`.
+    #[must_use]
+    pub fn exec_or(&self, section: &SimulatorSection, folder: &Path) -> Option<Exec> {
+        let of_file = section.command.as_ref().map(|command| Exec {
+            command: command.clone(),
+            timeout: TIMEOUT,
+            files: section.template.as_ref().zip(section.result.as_ref()).map(
+                |(template, result)| FileMode {
+                    template: folder.join(template),
+                    result: result.into(),
+                },
+            ),
+            environment: Vec::new(),
+        });
+        let stated = section.timeout_s.map(Duration::from_secs_f64);
+        let place = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+        let place = (FOLDER.to_owned(), place.display().to_string());
+        self.exec().or(of_file).map(|exec| Exec {
+            timeout: self.exec_timeout.or(stated).unwrap_or(TIMEOUT),
+            environment: std::iter::once(place)
+                .chain(section.environment())
+                .collect(),
+            ..exec
         })
     }
 }
@@ -98,6 +129,8 @@ pub struct Exec {
     pub timeout: Duration,
     /// The files of a program that is called through files; none for one that answers lines.
     pub files: Option<FileMode>,
+    /// Variables of its environment, besides those of this program.
+    pub environment: Vec<(String, String)>,
 }
 
 /// The simulator of a campaign on this worker.
@@ -170,7 +203,7 @@ impl Backend {
         match self {
             Self::BuiltIn => Ok(probe::model_digest(problem)),
             Self::External(programs) => {
-                let simulator = problem.campaign().simulator;
+                let simulator = &problem.campaign().simulator;
                 let session = programs.session(problem);
                 let failed = |reason: String| Error::Program {
                     reason: outside::clean(&reason),

@@ -161,6 +161,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<RunnerTi
                 command,
                 timeout: Duration::from_secs(60),
                 files: None,
+                environment: Vec::new(),
             };
             (
                 Campaign::parse("the sleeping campaign", SLEEPING)?,

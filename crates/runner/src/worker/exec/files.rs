@@ -15,6 +15,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
+use super::Exec;
 use super::fault::Fault;
 use super::messages::{Numbers, PROTOCOL, number};
 use super::object::Object;
@@ -42,6 +43,7 @@ pub struct FileMode {
 #[derive(Debug)]
 pub(super) struct Files {
     command: String,
+    environment: Vec<(String, String)>,
     /// The text of the template, and the name of its file.
     template: (String, OsString),
     result: PathBuf,
@@ -104,9 +106,9 @@ enum Results {
 }
 
 impl Files {
-    /// Creates a program that runs as `sh -c command`.
+    /// Creates a program that runs the command of `exec`.
     pub(super) fn new(
-        command: &str,
+        exec: &Exec,
         files: &FileMode,
         stop: Arc<AtomicBool>,
         kept: &Arc<Kept>,
@@ -121,7 +123,8 @@ impl Files {
         let text = fs::read_to_string(path).map_err(|error| cannot(&error))?;
         let name = path.file_name().ok_or_else(|| cannot(&"has no name"))?;
         Ok(Self {
-            command: command.to_owned(),
+            command: exec.command.clone(),
+            environment: exec.environment.clone(),
             template: (text, name.to_owned()),
             result: files.result.clone(),
             sampled: String::new(),
@@ -282,7 +285,7 @@ impl Files {
             "cd '{quoted}' && (\n{}\n) </dev/null >&2; echo $?",
             self.command
         );
-        let mut process = Process::start(&command, Arc::clone(&self.stop))?;
+        let mut process = Process::start(&command, &self.environment, Arc::clone(&self.stop))?;
         let asked = format!("{} in {}", self.command, folder.display());
         let status = |line: &[u8]| Line::Answer(String::from_utf8_lossy(line).into_owned(), true);
         match &*process.ask("", timeout, &status)? {

@@ -79,12 +79,16 @@ enum Silence {
 }
 
 impl Process {
-    /// Starts `sh -c command`. Once `stop` is set, the process is ended instead of waited for.
+    /// Starts `sh -c command` with these variables of its environment. Once `stop` is set, the process is ended instead of waited for.
     ///
     /// # Errors
     ///
     /// The machine has no shell, or not enough processes, memory or open files.
-    pub(super) fn start(command: &str, stop: Arc<AtomicBool>) -> Result<Self, Fault> {
+    pub(super) fn start(
+        command: &str,
+        environment: &[(String, String)],
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, Fault> {
         let cannot = |error: io::Error| {
             Fault::Machine(format!(
                 "the shell sh cannot be started: {error}; allow more processes, memory and open \
@@ -93,6 +97,7 @@ impl Process {
         };
         let mut child = Command::new("sh")
             .args(["-c", command])
+            .envs(environment.iter().cloned())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

@@ -44,8 +44,8 @@ impl Program {
         kept: &Arc<Kept>,
     ) -> Result<Self, Fault> {
         let kind = match &exec.files {
-            None => Kind::Lines(Process::start(&exec.command, stop)?),
-            Some(files) => Kind::Files(Files::new(&exec.command, files, stop, kept)?),
+            None => Kind::Lines(Process::start(&exec.command, &exec.environment, stop)?),
+            Some(files) => Kind::Files(Files::new(exec, files, stop, kept)?),
         };
         Ok(Self {
             kind,

@@ -49,6 +49,7 @@ fn backend_of(command: String, timeout: Duration) -> Backend {
         command,
         timeout,
         files: None,
+        environment: Vec::new(),
     };
     chosen(&problem(), &exec)
 }
@@ -422,6 +423,7 @@ fn a_simulator_that_the_campaign_does_not_want_is_refused() {
         command: "true".to_owned(),
         timeout: Duration::from_secs(1),
         files: None,
+        environment: Vec::new(),
     };
     let unwanted = Backend::choose(&built_in, Some(&exec), watch::Sender::default()).unwrap_err();
     assert!(

@@ -26,6 +26,7 @@ fn of_campaign(text: &str, template: &str, command: &str) -> (Problem, Backend, 
             template: path,
             result: "out.txt".into(),
         }),
+        environment: Vec::new(),
     };
     let backend = chosen(&problem, &exec);
     (problem, backend, folder)
@@ -181,7 +182,7 @@ fn what_goes_wrong_with_files_is_told_with_the_folder_that_is_kept() {
 #[test]
 fn a_command_may_end_before_it_is_waited_for() {
     let stop = Arc::new(AtomicBool::new(false));
-    let mut process = process::Process::start("echo 0", stop).unwrap();
+    let mut process = process::Process::start("echo 0", &[], stop).unwrap();
     eventually("its end", || process.has_ended());
     let read = |line: &[u8]| output::Line::Answer(line.to_vec(), true);
     let status = process.ask("", Duration::from_secs(5), &read);

@@ -1,0 +1,157 @@
+//! `[simulator]`: the program that simulates the designs.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::validate::Source;
+
+/// The kind of simulator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SimulatorKind {
+    /// The gear model of this program.
+    #[default]
+    BuiltIn,
+    /// A program that every worker starts.
+    External,
+}
+
+/// `[simulator]`, optional: the program that simulates the designs.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SimulatorSection {
+    /// The simulator of a gear campaign. A problem that the file states always has an external one.
+    pub kind: SimulatorKind,
+    /// The command for `sh -c`. The workers of `run` and `serve` take it; `--exec` stands in its place, and other workers
+    /// need `--exec`.
+    pub command: Option<String>,
+    /// The template of the program's input file, relative to the folder of the campaign file: the program reads and
+    /// writes files. Given with `result`.
+    pub template: Option<String>,
+    /// The name of the result file, given with `template`.
+    pub result: Option<String>,
+    /// Seconds that the program may take for one answer; 600 if absent.
+    pub timeout_s: Option<f64>,
+    /// Number of processors that one call of the program uses; 1 if absent. `run` computes fewer jobs at once, and the
+    /// program gets it as `OMP_NUM_THREADS`.
+    pub processors: Option<u32>,
+    /// Variables of the program's environment, besides those of the worker.
+    pub environment: BTreeMap<String, String>,
+    /// Number of designs that an external program simulates when a worker starts, to verify that
+    /// all workers run the same program; 3 if absent. With 0 only the version that the program reports counts,
+    /// which is meant for simulations that take very long.
+    pub probe_designs: Option<u32>,
+    /// Number of times that a failing request is tried before its failure is final; 3 if absent. An
+    /// attempt counts only if the program answers something else in between.
+    pub attempts: Option<u32>,
+    /// How long, in seconds, everything may fail before the campaign goes on without what fails; 60
+    /// if absent. A shorter outage, such as of a licence server, costs nothing but time.
+    pub retry_s: Option<f64>,
+}
+
+impl SimulatorSection {
+    /// The most designs behind a model digest.
+    pub const MAX_PROBE_DESIGNS: u32 = 12;
+    /// Default number of designs behind the model digest.
+    const PROBE_DESIGNS: u32 = 3;
+    /// Default of [`SimulatorSection::attempts`].
+    const ATTEMPTS: u32 = 3;
+    /// Default of [`SimulatorSection::retry_s`].
+    const RETRY_S: f64 = 60.0;
+
+    /// Number of designs behind the model digest of an external program.
+    #[must_use]
+    pub fn probe_designs(&self) -> u32 {
+        self.probe_designs.unwrap_or(Self::PROBE_DESIGNS)
+    }
+
+    /// Number of times that a failing request is tried.
+    #[must_use]
+    pub fn attempts(&self) -> u32 {
+        self.attempts.unwrap_or(Self::ATTEMPTS)
+    }
+
+    /// How long everything may fail.
+    #[must_use]
+    pub fn retry_for(&self) -> Duration {
+        Duration::from_secs_f64(self.retry_s.unwrap_or(Self::RETRY_S))
+    }
+
+    /// The keys that results may depend on. What the program is, its digest says.
+    pub(super) fn of_values(&self) -> Self {
+        Self {
+            kind: self.kind,
+            probe_designs: self.probe_designs,
+            ..Self::default()
+        }
+    }
+
+    /// Number of processors that one call of the program uses.
+    #[must_use]
+    pub fn processors(&self) -> u32 {
+        self.processors.unwrap_or(1)
+    }
+
+    /// The variables of the program's environment.
+    #[must_use]
+    pub fn environment(&self) -> Vec<(String, String)> {
+        let threads = self
+            .processors
+            .map(|count| ("OMP_NUM_THREADS".to_owned(), count.to_string()));
+        let stated = self.environment.clone().into_iter();
+        threads.into_iter().chain(stated).collect()
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        if let Some(attempts) = self.attempts {
+            source.count("simulator.attempts", attempts, 1, 1000)?;
+        }
+        if let Some(seconds) = self.retry_s {
+            source.within("simulator.retry_s", seconds, 0.0, 1e6, "s")?;
+        }
+        source.require(
+            self.template.is_some() == self.result.is_some(),
+            "simulator.template",
+            self.template.as_deref().unwrap_or_default(),
+            "given together with result, or neither of them",
+        )?;
+        for (key, text) in [("command", &self.command), ("result", &self.result)] {
+            let is_blank = text.as_ref().is_some_and(|text| text.trim().is_empty());
+            source.require(!is_blank, &format!("simulator.{key}"), "", "not empty")?;
+        }
+        if let Some(seconds) = self.timeout_s {
+            source.within("simulator.timeout_s", seconds, 0.001, 1e9, "s")?;
+        }
+        if let Some(processors) = self.processors {
+            source.count("simulator.processors", processors, 1, 1024)?;
+        }
+        let is_variable = |name: &String| {
+            let plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
+            !name.is_empty() && name.chars().all(plain)
+        };
+        if let Some(name) = self.environment.keys().find(|name| !is_variable(name)) {
+            let expected = "letters, digits and underscores";
+            return Err(source.refuse("simulator.environment", name, expected));
+        }
+        let built_in = Self::default();
+        source.require(
+            self.kind == SimulatorKind::External || *self == built_in,
+            "simulator.kind",
+            self.kind,
+            "\"external\" beside the other keys of the section, which are about a program",
+        )?;
+        let most = Self::MAX_PROBE_DESIGNS;
+        self.probe_designs.map_or(Ok(()), |found| {
+            source.require(
+                found <= most,
+                "simulator.probe_designs",
+                found,
+                &format!("a whole number from 0 to {most}"),
+            )
+        })
+    }
+}
