@@ -316,6 +316,7 @@ pages_run! {
     models "models.md"
     paper "paper.md"
     report "report.md"
+    robust "robust.md"
     security "security.md"
     simulator "simulator.md"
     slurm "slurm.md"
