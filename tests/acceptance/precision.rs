@@ -10,7 +10,7 @@ use crate::campaign::{digest, export};
 fn campaign() -> String {
     small_campaign(100, 200).replace(
         "samples_per_design = 200 ",
-        "precision = 0.01\nsamples_max = 3000\nskip_violation = 2.0\npercentile = \"chosen\"\n\
+        "precision = 0.01\nsamples_max = 3000\nskip_violation = 2.0\nestimator = \"chosen\"\n\
          samples_per_design = 200 ",
     )
 }

@@ -11,8 +11,8 @@ pub(crate) fn column(problem: &Problem, what: &str) -> String {
     let name = what.replace("{p}", &sampling.measure_column());
     let square = if is_squared(what) { "2" } else { "" };
     match problem.gears() {
-        Some(_) if !is_probability(problem, what) => format!("{name}_um{square}"),
-        _ => name,
+        Some(_) => format!("{name}_um{square}"),
+        None => name,
     }
 }
 

@@ -27,12 +27,7 @@ impl Sampling {
     #[must_use]
     pub fn measure_columns(&self) -> [String; 3] {
         let name = self.measure_column();
-        let unit = if self.objective.is_probability() {
-            ""
-        } else {
-            "_um"
-        };
-        ["", "_low", "_high"].map(|end| format!("{name}{end}{unit}"))
+        ["um", "low_um", "high_um"].map(|end| format!("{name}_{end}"))
     }
 
     /// The options of the estimate from normal samples, by the campaign's rule. The z of a probability is 0.

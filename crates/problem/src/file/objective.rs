@@ -182,6 +182,12 @@ impl Objective {
             self.aim,
             "\"minimise\" for a gear pair: small transmission errors are good",
         )?;
+        source.require(
+            self.measure != MeasureName::Exceedance || !is_gears,
+            "objective.measure",
+            self.measure,
+            "another for a gear pair, whose tables and charts are in µm: a percentile asks the same from the other side",
+        )?;
         let keys = [
             ("level", self.level, &[Percentile, Superquantile][..]),
             ("k", self.k, &[MeanPlusSd]),
