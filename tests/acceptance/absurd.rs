@@ -99,7 +99,7 @@ impl Case {
 fn percentile(status: &Value) -> [f64; 3] {
     let optima = status["optima"].as_array().expect("a list");
     let kriging = optima.iter().find(|one| one["approach"] == "kriging");
-    let percentile = &kriging.expect("a row")["percentile"];
+    let percentile = &kriging.expect("a row")["measure"];
     ["low", "value", "high"].map(|key| percentile[key].as_f64().expect("a number"))
 }
 

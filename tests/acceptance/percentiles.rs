@@ -41,7 +41,7 @@ fn a_verified_percentile_is_right_where_the_response_is_not_normal() {
     ] {
         let changes = [("level = 0.9", &*format!("level = {level}"))];
         let (_sandbox, status) = campaign(law, &changes);
-        let percentile = &baseline(&status)["percentile"];
+        let percentile = &baseline(&status)["measure"];
         let number = |key: &str| percentile[key].as_f64().expect("a number");
         // The optimum lies within 0.01 of the bottom of the bowl. Seeds are fixed: the intervals cover.
         let (low, high) = (number("low"), number("high"));
@@ -59,13 +59,13 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
     let (sandbox, status) = campaign("exponential", &changes);
     // At the corner (1, 1) the bowl is 5.98; the 10 % percentile of the noise is 0.105.
     let best = baseline(&status);
-    let value = best["percentile"]["value"].as_f64().expect("a number");
+    let value = best["measure"]["value"].as_f64().expect("a number");
     assert!((value - 6.085).abs() < 0.1, "{status}");
     assert!(
         best["criterion"].as_f64().expect("a number") > 5.9,
         "{status}"
     );
-    assert_eq!(status["percentile"], "P10");
+    assert_eq!(status["measure"], "P10");
     let export = |table: &str| {
         let arguments = ["export", "--db", "x.db", "--table", table, "--out", "-"];
         let table = sandbox.coordinator(&arguments);
@@ -85,7 +85,7 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
     assert!(!html.contains("P90") && !html.contains("minus_y"));
     // Of the approaches the one whose percentile is largest is recommended, and comes first.
     let optima = status["optima"].as_array().expect("a list");
-    let of = |one: &Value| one["percentile"]["value"].as_f64();
+    let of = |one: &Value| one["measure"]["value"].as_f64();
     let largest = optima.iter().filter_map(of).fold(f64::MIN, f64::max);
     let leads = optima.iter().filter(|one| one.get("behind").is_none());
     assert_eq!(

@@ -162,7 +162,7 @@ fn a_percentile_of_another_level_is_another_optimum_under_its_own_name() {
     assert_code(&sandbox.coordinator(&run), 0);
     let status = sandbox.status("i.db").expect("the store is there");
     assert_eq!(status["samples"], held["samples"]);
-    assert_eq!(status["percentile"], "CVaR90");
+    assert_eq!(status["measure"], "CVaR90");
     // φ(1.2816)/0.1 is 1.7550.
     let least = -10.740_909 + 0.5 * 1.754_983;
     let baseline = percentile(&sandbox, "baseline", "cvar90");

@@ -217,7 +217,7 @@ function showBest(view) {
   at("best-tables").hidden = !best;
   figures(at("best-charts"), best ? best.charts : []);
   if (!best) return say(at("best-value"), "");
-  say(at("best-value"), `${view.percentile} of ${view.response} = ${withUnit(best.value, view.unit)}` +
+  say(at("best-value"), `${view.measure} of ${view.response} = ${withUnit(best.value, view.unit)}` +
     ` (${best.low === null ? "no 95 % interval" : `95 % interval ${number(best.low)} to ${withUnit(best.high, view.unit)}`}, ` +
     `${whole.format(best.samples)} samples): ${best.name}.`);
   fill(at("variables"), best.variables.map((one) => [[one.name, "", "row"], [withUnit(one.value, one.unit)]]));
@@ -239,7 +239,7 @@ function showMap(view) {
   const shown = view.shown < view.designs ? `, ${whole.format(view.shown)} of them shown` : "";
   say(at("map-note"), view.designs === 0
     ? "No design has a response yet."
-    : `${view.percentile} of ${count(view.designs, "design")}${shown}.` +
+    : `${view.measure} of ${count(view.designs, "design")}${shown}.` +
       (view.preliminary ? " Preliminary: of each design’s first samples." : ""));
   at("axes").hidden = view.coordinates.length < 2 || view.designs === 0;
   if (at("axis-x").options.length !== view.coordinates.length) {

@@ -1,4 +1,4 @@
-//! The error of the campaign's grid: an optimum's percentile on the converged grid.
+//! The error of the campaign's grid: an optimum's measure on the converged grid.
 
 use gear::Pair;
 use problem::Design;
@@ -6,12 +6,12 @@ use problem::formulation::Problem;
 use problem::task::VERIFICATION;
 use stats::streams::stream;
 
-/// Samples of both percentiles, from the same random numbers.
+/// Samples of both measures, from the same random numbers.
 const SAMPLES: u64 = 100;
 /// Relative change of ΔSTE at which a grid counts as converged.
 const TOLERANCE: f64 = 1e-5;
 
-/// The percentile on the converged grid less that on the campaign's grid, µm. `None` if the built-in model cannot
+/// The measure on the converged grid less that on the campaign's grid, µm. `None` if the built-in model cannot
 /// simulate the design, and for an external simulator.
 pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let built_in = !problem.campaign().is_external();

@@ -95,10 +95,10 @@ pub fn describe(status: &Status) -> String {
             (None, Some(value)) => with_unit(value, 4, &status.unit),
         };
         let Progress { done, wanted } = &optimum.verified;
-        let verified = match &optimum.percentile {
+        let verified = match &optimum.measure {
             Some(found) => {
                 let ends = found.low.zip(found.high);
-                let percentile = estimate(found.value, ends, "");
+                let measure = estimate(found.value, ends, "");
                 let interval = match ends {
                     Some(_) => "",
                     None => " without an interval (too few)",
@@ -119,8 +119,8 @@ pub fn describe(status: &Status) -> String {
                     }
                     None => String::new(),
                 };
-                let name = &status.percentile;
-                format!(", {name} {percentile}{interval} by {done} verification samples{behind}")
+                let name = &status.measure;
+                format!(", {name} {measure}{interval} by {done} verification samples{behind}")
             }
             None if *wanted == 0 => String::new(),
             None => format!(", {done} of {wanted} verification samples"),

@@ -26,8 +26,8 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
     doubts.extend(ignored_seeds(problem, &responses));
     doubts.extend(Plausibility::read(store).await?.sentences(problem));
     let meaning = match campaign.sampling.failed {
-        FailedSamples::LeftOut => "They are left out of the percentiles.",
-        FailedSamples::RefusesDesign => "A design with one of them has no percentile.",
+        FailedSamples::LeftOut => "They are left out.",
+        FailedSamples::RefusesDesign => "A design with one of them gets no response.",
         FailedSamples::Worst | FailedSamples::QuarantinesDesign => {
             "They count as worse than all others."
         }
@@ -76,7 +76,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
         ),
         (
             without.count(),
-            "designs have no percentile, because too many of their samples failed.".to_owned(),
+            "designs have no response, because too many of their samples failed.".to_owned(),
         ),
         (
             failed(Kind::Point),
@@ -118,8 +118,9 @@ fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String>
     let is_suspicious = !responses.is_empty() && responses.iter().all(is_constant);
     is_suspicious.then(|| {
         format!(
-            "The program seems to ignore its seed: in each of {} designs, all samples of {} are equal. The \
-             percentiles are those of a response without random effects.",
+            "The program seems to ignore its {}: in each of {} designs, all samples of {} are equal, as of a response \
+             without random effects.",
+            if problem.random().is_some() { "random inputs" } else { "seed" },
             responses.len(),
             problem.sampled().name,
         )

@@ -27,7 +27,7 @@ pub enum Table {
     Designs,
     /// Every sample.
     Samples,
-    /// The percentile of every sampled design.
+    /// The measure of every sampled design.
     Responses,
     /// The kriging model's leave-one-out predictions.
     Loo,
@@ -35,7 +35,7 @@ pub enum Table {
     Optima,
     /// What every round of infill decided.
     Rounds,
-    /// The infill points, with the percentile of the samples that each brought.
+    /// The infill points, with the measure of the samples that each brought.
     Infill,
     /// What an external simulator said of each candidate of the optimiser's runs.
     Evaluations,
@@ -364,8 +364,8 @@ async fn optima<W: Write + Send>(
     for verified in Optima::read(store, problem).await?.iter() {
         let optimum = &verified.optimum;
         let found = optimum.found.as_ref().ok();
-        let percentile = verified.percentile;
-        let interval = percentile.and_then(|percentile| percentile.interval);
+        let measure = verified.measure;
+        let interval = measure.and_then(|measure| measure.interval);
         let mut row = row![problem.approach_name(optimum.approach)].to_vec();
         row.extend(numbers(
             found.map(|found| found.design.values()),
@@ -373,7 +373,7 @@ async fn optima<W: Write + Send>(
         ));
         row.extend(row![
             found.map(|found| found.criterion),
-            percentile.map(|percentile| percentile.value),
+            measure.map(|measure| measure.value),
             interval.map(|(low, _)| low),
             interval.map(|(_, high)| high),
         ]);

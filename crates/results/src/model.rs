@@ -10,7 +10,7 @@ use store::Store;
 
 use crate::columns::column;
 
-/// The model of the percentile over the variables that the DoE moves, as the campaign fitted it last: after an
+/// The model of the measure over the variables that the DoE moves, as the campaign fitted it last: after an
 /// enrichment, to its infill points as well.
 ///
 /// # Errors

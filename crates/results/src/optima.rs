@@ -16,9 +16,9 @@ pub struct VerifiedOptimum {
     pub constraints: Vec<Constraint>,
     /// The verification samples in the store; `None` without a design.
     pub verification: Option<Verification>,
-    /// The verified percentile with its 95 % interval; `None` until all samples are there.
-    pub percentile: Option<Verified>,
-    /// The difference of the percentile from that of the recommended optimum, positive if worse, from samples with
+    /// The verified measure with its 95 % interval; `None` until all samples are there.
+    pub measure: Option<Verified>,
+    /// The difference of the measure from that of the recommended optimum, positive if worse, from samples with
     /// the same random numbers. `None` for the recommended optimum, for one that is not ranked, and if the samples
     /// are too few for an interval.
     pub behind: Option<Verified>,
@@ -72,7 +72,7 @@ impl Optima {
                     Ok(found) => problem.constraints(&found.criteria),
                     Err(_) => Vec::new(),
                 },
-                percentile: verification
+                measure: verification
                     .as_ref()
                     .filter(|verification| verification.is_complete())
                     .and_then(|verification| sampling.verified(&verification.samples).ok()),
@@ -82,7 +82,7 @@ impl Optima {
             })
             .collect();
         let ranked = all.iter().zip(0..).filter_map(|(optimum, place)| {
-            let cost = problem.cost(optimum.percentile?.value);
+            let cost = problem.cost(optimum.measure?.value);
             let is_feasible = optimum.optimum.feasible().is_some();
             (is_feasible && is_ranked(problem, optimum.optimum.approach) && cost.is_finite())
                 .then_some((cost, place))
@@ -116,7 +116,7 @@ impl Optima {
         self.ranking.iter().map(|&place| &self.all[place])
     }
 
-    /// The recommended optimum: the one with the best verified percentile.
+    /// The recommended optimum: the one with the best verified measure.
     #[must_use]
     pub fn recommended(&self) -> Option<&VerifiedOptimum> {
         self.ranked().next()
@@ -129,7 +129,7 @@ pub fn is_ranked(problem: &Problem, approach: Approach) -> bool {
     problem.dimension_of(approach) == problem.dimension()
 }
 
-/// The difference between the percentiles of `samples` and `best`, positive if `best` is better.
+/// The difference between the measures of `samples` and `best`, positive if `best` is better.
 fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<Verified> {
     let difference = problem.campaign().sampling.difference(samples, best)?;
     let as_cost = |(low, high)| {

@@ -25,7 +25,7 @@ pub struct Snapshot {
     pub designs: Vec<DesignRow>,
     /// Simulability and deterministic responses of the designs.
     pub criteria: Vec<CriteriaRow>,
-    /// The responses of the designs that have a percentile.
+    /// The responses of the designs that have a measure.
     pub responses: Vec<ResponseRow>,
     /// Number of samples of the DoE.
     pub samples: u64,

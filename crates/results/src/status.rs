@@ -48,8 +48,8 @@ pub struct Status {
     /// The rounds of infill; absent before the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<EnrichmentStatus>,
-    /// Name of the minimised percentile, such as P90.
-    pub percentile: String,
+    /// Name of the minimised measure, such as P90.
+    pub measure: String,
     /// The unit of the optima's criteria; empty for a number without one.
     pub unit: String,
     /// Chosen optima.
@@ -172,16 +172,16 @@ pub struct OptimumStatus {
     pub note: String,
     /// Verification samples in the store, and how many there will be.
     pub verified: Progress,
-    /// The percentile of the verification samples, once all are there.
+    /// The measure of the verification samples, once all are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub percentile: Option<Estimate>,
-    /// The percentile less that of the best optimum, not negative but for the interval; absent for the best one,
+    pub measure: Option<Estimate>,
+    /// The measure less that of the best optimum, not negative but for the interval; absent for the best one,
     /// and for an approach that moves other variables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub behind: Option<Estimate>,
 }
 
-/// A percentile or a difference of two, with its 95 % confidence interval, in the status's unit.
+/// A measure or a difference of two, with its 95 % confidence interval, in the status's unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
     /// The estimate.

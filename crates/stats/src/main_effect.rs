@@ -9,6 +9,9 @@
 /// The fewest samples of [`main_effect`].
 pub const MAIN_EFFECT_MIN_SAMPLES: usize = 100;
 
+/// Number of samples in a class, if there are not too many samples.
+const CLASS: usize = 12;
+
 /// The share of the variance of `output` that `input` explains by itself, from 0 to 1: the first-order Sobol' index,
 /// also of inputs that are correlated. The standard error is about 2 √(S (1 − S)/n) for an index S from n samples.
 /// `None` for lists of different lengths, fewer than [`MAIN_EFFECT_MIN_SAMPLES`], or an output that is constant or not
@@ -26,8 +29,8 @@ pub fn main_effect(input: &[f64], output: &[f64]) -> Option<f64> {
     if total == 0.0 {
         return None;
     }
-    // More classes follow the conditional mean more closely, and leave more of it to chance.
-    let classes = (0.5 * (n as f64).sqrt()).round() as usize;
+    // Small classes follow the conditional mean closely; a hundred of them leave little to chance.
+    let classes = (n / CLASS).clamp(2, 100);
     let between: f64 = (0..classes)
         .map(|class| {
             let members = &order[class * n / classes..(class + 1) * n / classes];

@@ -193,11 +193,11 @@ pub fn write_tables(
 }
 
 fn summary(campaign: &Campaign, outcomes: &[Outcome]) -> PageTable {
-    let percentile = campaign.measure_name();
+    let measure = campaign.measure_name();
     let mut table = PageTable::new([
         "corrections",
-        &format!("{percentile}, µm"),
-        &format!("{percentile} in the search, µm"),
+        &format!("{measure}, µm"),
+        &format!("{measure} in the search, µm"),
         "relief of the pinion",
         "relief of the mate",
         "crowning, µm",
@@ -241,8 +241,8 @@ fn summary(campaign: &Campaign, outcomes: &[Outcome]) -> PageTable {
 }
 
 fn all_figures(campaign: &Campaign, outcomes: &[Outcome]) -> Table {
-    let percentile = campaign.sampling.measure_columns();
-    let searched = percentile[0].replace("_um", "_searched_um");
+    let measure = campaign.sampling.measure_columns();
+    let searched = measure[0].replace("_um", "_searched_um");
     let problem = Problem::new(campaign.clone()).with_corrections(&CorrectionsSection::default());
     let variables = problem.variables();
     let mut columns = vec![Column::text("corrections")];
@@ -251,7 +251,7 @@ fn all_figures(campaign: &Campaign, outcomes: &[Outcome]) -> Table {
             .iter()
             .map(|variable| Column::number(&*variable.name)),
     );
-    columns.extend(percentile.into_iter().chain([searched]).map(Column::number));
+    columns.extend(measure.into_iter().chain([searched]).map(Column::number));
     columns.extend(CRITERIA.map(Column::number));
     columns.extend(["evaluations", "plain_calls", "worn_calls"].map(Column::whole));
     let mut table = Table::new(columns);

@@ -315,8 +315,8 @@ pub fn write_tables(
     let mut columns = vec![Column::text("parameter"), Column::number("factor")];
     columns.extend([value, low, high].map(Column::number));
     let mut table = Table::new(columns);
-    let percentile = campaign.measure_name();
-    let mut shown = PageTable::new(["scenario", &format!("{percentile}, µm")]);
+    let measure = campaign.measure_name();
+    let mut shown = PageTable::new(["scenario", &format!("{measure}, µm")]);
     for row in scenarios {
         let p90 = &row.p90;
         let mut line = row![row.parameter, row.factor].to_vec();

@@ -138,7 +138,7 @@ impl Outcome {
 
     /// The verified percentile; `None` without a design or with too few samples.
     fn p90(&self) -> Option<Verified> {
-        self.verified.percentile
+        self.verified.measure
     }
 }
 
@@ -173,12 +173,12 @@ pub fn write_tables(
 ) -> anyhow::Result<Document> {
     let sampling = &campaign.sampling;
     let name = &campaign.name;
-    let percentile = campaign.measure_name();
+    let measure = campaign.measure_name();
     let figures = all_figures(sampling, outcomes);
     write(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
-         {percentile} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
+         {measure} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
          verification samples.\n\n{}",
         summary(outcomes).markdown()
     );
@@ -191,10 +191,10 @@ pub fn write_tables(
             );
         }
     }
-    match charts::teeth(&percentile, &lines(outcomes)) {
+    match charts::teeth(&measure, &lines(outcomes)) {
         Ok(chart) => {
             write(out, "sweep.svg", chart.standalone())?;
-            page += &format!("\n![{percentile} against the number of teeth](sweep.svg)\n");
+            page += &format!("\n![{measure} against the number of teeth](sweep.svg)\n");
         }
         Err(why) => page += &format!("\n{why}\n"),
     }

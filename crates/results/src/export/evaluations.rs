@@ -65,10 +65,10 @@ fn cells(problem: &Problem, first: Vec<Cell>, row: EvaluationRow) -> Vec<Cell> {
     let criteria = row.worn_criteria.or(row.criteria);
     cells.extend(numbers(criteria.as_deref(), problem.criteria().len()));
     let samples = row.samples.unwrap_or_default();
-    let percentile = problem.campaign().sampling.estimate(&samples).ok();
+    let measure = problem.campaign().sampling.estimate(&samples).ok();
     cells.extend(row![
         samples.len(),
-        percentile.map(|estimate| estimate.chosen.value),
+        measure.map(|estimate| estimate.chosen.value),
     ]);
     cells
 }

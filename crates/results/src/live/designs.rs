@@ -1,8 +1,8 @@
-//! The designs of the DoE with their percentiles, including those still being sampled.
+//! The designs of the DoE with their measures, including those still being sampled.
 //!
 //! The campaign computes its responses when all samples are stored. Until then, this module
-//! estimates a percentile for each design that has its first samples, by the campaign's own rule
-//! but without a control variate. Each percentile is computed once, and only a few at a time, so
+//! estimates a measure for each design that has its first samples, by the campaign's own rule
+//! but without a control variate. Each measure is computed once, and only a few at a time, so
 //! that viewing a large campaign costs little.
 
 use std::collections::BTreeMap;
@@ -19,12 +19,12 @@ use crate::optima::Optima;
 
 /// The normal deviate of a two-sided 95 % interval.
 const Z95: f64 = 1.959_963_984_540_054;
-/// Maximum number of preliminary percentiles computed at a time.
+/// Maximum number of preliminary measures computed at a time.
 const DESIGNS_AT_ONCE: usize = 500;
 /// Approximate maximum number of samples that they are computed from.
 const SAMPLES_AT_ONCE: usize = 100_000;
 
-/// The designs with their percentiles.
+/// The designs with their measures.
 #[derive(Debug, Default)]
 pub(crate) struct Designs {
     /// The store's progress at the last reading.
@@ -94,12 +94,12 @@ impl Designs {
         Ok(())
     }
 
-    /// Whether the percentiles are preliminary, computed from the first samples only.
+    /// Whether the measures are preliminary, computed from the first samples only.
     pub(crate) fn is_preliminary(&self) -> bool {
         self.responses.is_empty()
     }
 
-    /// The percentiles, ordered by design.
+    /// The measures, ordered by design.
     pub(crate) fn responses(&self) -> Vec<ResponseRow> {
         if self.responses.is_empty() {
             self.preliminary.values().flatten().copied().collect()
@@ -108,12 +108,12 @@ impl Designs {
         }
     }
 
-    /// The designs that have a percentile.
+    /// The designs that have a measure.
     pub(crate) fn points(&self) -> Vec<Point> {
         let rows = self.responses();
         let point = |row: &ResponseRow| {
             let design = self.designs.get(row.design as usize)?;
-            // A design without a percentile: too many of its samples failed.
+            // A design without a measure: too many of its samples failed.
             if !row.measure.is_finite() {
                 return None;
             }
@@ -126,7 +126,7 @@ impl Designs {
         rows.iter().filter_map(point).collect()
     }
 
-    /// The feasible design with the best percentile, chosen as the campaign chooses it.
+    /// The feasible design with the best measure, chosen as the campaign chooses it.
     pub(crate) fn best(&self, problem: &Problem, optima: &Optima) -> Option<BestOfDoe> {
         let chosen = optima.iter().map(|verified| &verified.optimum);
         // Before the first samples, no base is known.
@@ -147,7 +147,7 @@ impl Designs {
         let half = Z95 * response.measure_variance.sqrt();
         Some(BestOfDoe {
             number: response.design,
-            percentile: Verified {
+            measure: Verified {
                 n: problem.campaign().sampling.samples_per_design as usize,
                 value: response.measure,
                 interval: Some((response.measure - half, response.measure + half)),

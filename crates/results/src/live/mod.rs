@@ -2,7 +2,7 @@
 //!
 //! - [`views`] turns the rows of the store and the state of a running coordinator into serialisable
 //!   views, with pure functions.
-//! - `designs` holds the designs of the DoE with their percentiles, including estimates made before
+//! - `designs` holds the designs of the DoE with their measures, including estimates made before
 //!   the campaign computes its responses.
 //! - [`site`] reads the store for the views, one at a time, and caches each for a moment, so that a
 //!   hundred open pages cost as much as one and no reader delays the writer.

@@ -47,7 +47,7 @@ pub enum View {
     Failures,
     /// The best design so far.
     Best,
-    /// The percentile of each design.
+    /// The measure of each design.
     Responses,
     /// The optimiser's runs.
     Convergence,
@@ -393,8 +393,8 @@ impl Site {
         let point = names::verification(Approach::EnrichedKriging);
         let verified = self.store.values_of(point).await?;
         let enrichment = report::rounds(problem, &rows, &infill, &verified)?;
-        let percentile = problem.measured().name.into_owned();
-        in_background(move || views::rounds(enrichment.as_ref(), &percentile)).await
+        let measure = problem.measured().name.into_owned();
+        in_background(move || views::rounds(enrichment.as_ref(), &measure)).await
     }
 }
 

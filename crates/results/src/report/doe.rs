@@ -12,7 +12,7 @@ pub struct DoePoint {
     pub delta_ste_um: f64,
     /// ΔSTE with Archard's wear, µm.
     pub delta_ste_archard_um: f64,
-    /// Estimated percentile of ΔSTE with random wear, µm.
+    /// Estimated measure of ΔSTE with random wear, µm.
     pub p90_um: f64,
 }
 
@@ -42,7 +42,7 @@ pub enum Response {
     Unworn,
     /// ΔSTE with Archard's wear.
     Archard,
-    /// Estimated percentile of ΔSTE with random wear.
+    /// Estimated measure of ΔSTE with random wear.
     Percentile,
 }
 
@@ -59,13 +59,13 @@ impl Response {
         }
     }
 
-    /// The response's name; `percentile` is the percentile's.
+    /// The response's name; `measure` is the measure's.
     #[must_use]
-    pub fn label(self, percentile: &str) -> String {
+    pub fn label(self, measure: &str) -> String {
         match self {
             Self::Unworn => "ΔSTE without wear".to_owned(),
             Self::Archard => "ΔSTE with Archard’s wear".to_owned(),
-            Self::Percentile => format!("{percentile} of ΔSTE with random wear"),
+            Self::Percentile => format!("{measure} of ΔSTE with random wear"),
         }
     }
 }

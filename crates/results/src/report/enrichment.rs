@@ -13,7 +13,7 @@ use crate::snapshot::Snapshot;
 /// Rounds of infill points near the optimum, on top of the DoE.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Enrichment {
-    /// The unit of the percentile; empty for a number without one.
+    /// The unit of the measure; empty for a number without one.
     pub unit: String,
     /// The rounds, in their order.
     pub rounds: Vec<EnrichmentRound>,

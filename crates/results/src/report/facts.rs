@@ -54,10 +54,10 @@ pub(super) fn facts(snapshot: &Snapshot) -> Vec<(String, String)> {
             format!("quasi-random, in scrambled Sobol sequences of {group} samples")
         }
     };
-    let percentile = campaign.measure_name();
+    let measure = campaign.measure_name();
     facts.push((
         "coefficients of the wear".to_owned(),
-        format!("{coefficients}; {percentile} is m + z s, with the jackknife variance over them"),
+        format!("{coefficients}; {measure} is m + z s, with the jackknife variance over them"),
     ));
     facts
 }

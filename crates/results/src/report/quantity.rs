@@ -48,15 +48,15 @@ pub fn approach_name(problem: &Problem, approach: Approach) -> &'static str {
     }
 }
 
-/// The criterion that an approach to the design of gears minimises; `percentile` is the percentile's name.
-pub(crate) fn criterion_name(approach: Approach, percentile: &str) -> String {
+/// The criterion that an approach to the design of gears minimises; `measure` is the measure's name.
+pub(crate) fn criterion_name(approach: Approach, measure: &str) -> String {
     match approach {
         Approach::Nominal => "ΔSTE without wear".to_owned(),
         Approach::Baseline => "ΔSTE with Archard’s wear".to_owned(),
-        Approach::Kriging => format!("kriging mean of {percentile}"),
-        Approach::EnrichedKriging => format!("kriging prediction of {percentile} after infill"),
-        Approach::BestOfDoe => format!("{percentile} estimated in the DoE"),
-        Approach::Direct => format!("{percentile} from the search’s own samples"),
+        Approach::Kriging => format!("kriging mean of {measure}"),
+        Approach::EnrichedKriging => format!("kriging prediction of {measure} after infill"),
+        Approach::BestOfDoe => format!("{measure} estimated in the DoE"),
+        Approach::Direct => format!("{measure} from the search’s own samples"),
     }
 }
 

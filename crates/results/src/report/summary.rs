@@ -26,7 +26,7 @@ pub(crate) struct RecommendedView {
     pub(crate) margins: Vec<[String; 4]>,
     /// The differences of the other approaches, and the cost.
     pub(crate) sentences: Vec<String>,
-    /// Effects that its percentile leaves out.
+    /// Effects that its measure leaves out.
     pub(crate) left_out: String,
 }
 
@@ -101,10 +101,8 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
         None => &problem.sampled().name,
     };
     let unit = &problem.measured().unit;
-    let ends = best.percentile.and_then(|percentile| percentile.interval);
-    let value = best
-        .percentile
-        .map_or(f64::NAN, |percentile| percentile.value);
+    let ends = best.measure.and_then(|measure| measure.interval);
+    let value = best.measure.map_or(f64::NAN, |measure| measure.value);
     let digits = digits_of(value, ends);
     let value = with_unit(value, digits, unit);
     let interval = match ends {
@@ -135,7 +133,7 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
     text
 }
 
-/// The other ranked approaches, with how much worse their percentiles are.
+/// The other ranked approaches, with how much worse their measures are.
 fn behind(report: &Report) -> impl Iterator<Item = (&'static str, Verified)> {
     let name = |other: &VerifiedOptimum| approach_name(report.problem(), other.optimum.approach);
     let ranked = report.snapshot.optima.ranked();

@@ -82,7 +82,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
         },
         unfinished_runs: unfinished_runs(store, &problem).await?,
         enrichment,
-        percentile: campaign.measure_name(),
+        measure: campaign.measure_name(),
         unit: problem.measured().unit.to_string(),
         optima,
         failures: progress.failures,
@@ -195,7 +195,7 @@ impl OptimumStatus {
                 done: done as u64,
                 wanted: wanted as u64,
             },
-            percentile: verified.percentile.map(Estimate::from),
+            measure: verified.measure.map(Estimate::from),
             behind: verified.behind.map(Estimate::from),
         }
     }

@@ -97,7 +97,7 @@ async fn time_to_go_is_that_of_the_stage() {
     let optimum = |done| OptimumStatus {
         approach: "kriging".to_owned(),
         criterion: Some(1.5),
-        percentile: None,
+        measure: None,
         behind: None,
         none: None,
         note: String::new(),

@@ -380,7 +380,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "response",
             "design 1",
-            "UPDATE response SET percentile = 1.7500000000000002",
+            "UPDATE response SET measure = 1.7500000000000002",
         ),
         (
             "model",

@@ -336,7 +336,7 @@ mod tests {
     fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let percentile = |value: f64| Verified {
+        let measure = |value: f64| Verified {
             n: 30,
             value,
             interval: Some((value - 0.1, value + 0.1)),
@@ -348,8 +348,8 @@ mod tests {
                 let gears = problem.gears().unwrap();
                 gears.pair_criteria(&gears.pair(&design).unwrap(), pressure)
             },
-            p90: percentile(p90_um),
-            verified: verified_um.map(percentile),
+            p90: measure(p90_um),
+            verified: verified_um.map(measure),
             on_front: false,
         }
     }

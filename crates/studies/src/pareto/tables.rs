@@ -70,12 +70,12 @@ pub fn write_tables(
 }
 
 fn summary(problem: &Problem, against: Objective, points: &[Point]) -> PageTable {
-    let percentile = problem.measured().name.into_owned();
+    let measure = problem.measured().name.into_owned();
     let mut table = PageTable::new([
         "design",
         against.label(),
-        &format!("{percentile} of its samples, µm"),
-        &format!("{percentile} of verification samples, µm"),
+        &format!("{measure} of its samples, µm"),
+        &format!("{measure} of verification samples, µm"),
         "on the front",
     ]);
     for point in points {

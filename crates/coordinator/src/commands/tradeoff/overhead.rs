@@ -138,7 +138,7 @@ async fn whole(
     let problem = Problem::new(campaign.clone());
     for verified in Optima::read(&store, &problem).await?.iter() {
         let optimum = &verified.optimum;
-        let percentile = verified.percentile.filter(|_| optimum.feasible().is_some());
+        let percentile = verified.measure.filter(|_| optimum.feasible().is_some());
         results.push(ApproachResult {
             approach: optimum.approach,
             calls: optimum.cost.simulator_calls as f64,

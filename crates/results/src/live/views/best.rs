@@ -17,15 +17,15 @@ pub struct Best {
     pub schema_version: u32,
     /// Whether the campaign is finished. Before that, the result is not conclusive.
     pub finished: bool,
-    /// Name of the minimised percentile, such as P90.
-    pub percentile: String,
+    /// Name of the minimised measure, such as P90.
+    pub measure: String,
     /// Name of the response.
     pub response: String,
     /// Unit of the response; empty for a number without one.
     pub unit: String,
     /// A sentence about the number, or the reason why there is none.
     pub note: String,
-    /// The design; `None` until a design has a percentile and is feasible.
+    /// The design; `None` until a design has a measure and is feasible.
     pub best: Option<BestDesign>,
 }
 
@@ -34,7 +34,7 @@ pub struct Best {
 pub struct BestDesign {
     /// The origin: a design of the DoE, or an approach.
     pub name: String,
-    /// Whether the percentile was estimated from verification samples, taken after the design was
+    /// Whether the measure was estimated from verification samples, taken after the design was
     /// chosen.
     pub verified: bool,
     pub value: f64,
@@ -42,7 +42,7 @@ pub struct BestDesign {
     pub low: f64,
     /// Upper end of the 95 % confidence interval.
     pub high: f64,
-    /// Number of samples behind the percentile.
+    /// Number of samples behind the measure.
     pub samples: u64,
     pub variables: Vec<NamedValue>,
     pub constraints: Vec<Constraint>,
@@ -50,14 +50,14 @@ pub struct BestDesign {
     pub charts: Vec<Chart>,
 }
 
-/// The design of the DoE with the best estimated percentile.
+/// The design of the DoE with the best estimated measure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BestOfDoe {
     pub number: u64,
     /// The design with its criteria.
     pub found: Solution,
-    /// The estimate of the percentile with its 95 % confidence interval.
-    pub percentile: Verified,
+    /// The estimate of the measure with its 95 % confidence interval.
+    pub measure: Verified,
 }
 
 /// The best design so far: the `recommended` optimum if there is any, otherwise the best of the DoE,
@@ -87,7 +87,7 @@ pub fn best(
     Best {
         schema_version: SCHEMA_VERSION,
         finished,
-        percentile: problem.measured().name.into_owned(),
+        measure: problem.measured().name.into_owned(),
         response: problem.sampled().name.to_string(),
         unit: problem.measured().unit.to_string(),
         note,
@@ -95,10 +95,10 @@ pub fn best(
             let BestOfDoe {
                 number,
                 found,
-                percentile,
+                measure,
             } = of_doe?;
             let name = format!("design {number} of the DoE");
-            Some(of_design(problem, name, false, found, *percentile))
+            Some(of_design(problem, name, false, found, *measure))
         }),
     }
 }
@@ -109,7 +109,7 @@ pub fn of_optimum(problem: &Problem, verified: &VerifiedOptimum) -> Option<BestD
     let found = verified.optimum.feasible()?;
     let approach = problem.approach_name(verified.optimum.approach);
     let name = format!("optimum of the approach {approach}");
-    Some(of_design(problem, name, true, found, verified.percentile?))
+    Some(of_design(problem, name, true, found, verified.measure?))
 }
 
 fn of_design(
@@ -117,17 +117,17 @@ fn of_design(
     name: String,
     verified: bool,
     found: &Solution,
-    percentile: Verified,
+    measure: Verified,
 ) -> BestDesign {
     let variables = problem.variables().iter().zip(found.design.values());
-    let (low, high) = percentile.interval.unwrap_or((f64::NAN, f64::NAN));
+    let (low, high) = measure.interval.unwrap_or((f64::NAN, f64::NAN));
     BestDesign {
         name,
         verified,
-        value: percentile.value,
+        value: measure.value,
         low,
         high,
-        samples: percentile.n as u64,
+        samples: measure.n as u64,
         variables: variables
             .map(|(variable, value)| NamedValue {
                 name: variable.name.to_string(),

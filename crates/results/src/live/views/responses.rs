@@ -1,4 +1,4 @@
-//! The percentile over the design space.
+//! The measure over the design space.
 
 use problem::formulation::Problem;
 use serde::Serialize;
@@ -11,31 +11,31 @@ use crate::report::label;
 /// Maximum number of points: more would not be visible in a chart, and every page would have to
 /// load them.
 const POINTS: usize = 3000;
-/// Number of lowest percentiles in a map's table.
+/// Number of lowest measures in a map's table.
 const ROWS: usize = 20;
-/// Significant digits of coordinates and percentiles.
+/// Significant digits of coordinates and measures.
 const DIGITS: usize = 6;
 
-/// The designs that have a percentile.
+/// The designs that have a measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Responses {
     pub schema_version: u32,
-    /// The percentile's name.
-    pub percentile: String,
+    /// The measure's name.
+    pub measure: String,
     /// The response's name.
     pub response: String,
     /// The response's unit; empty for a number without one.
     pub unit: String,
     /// The coordinates that the DoE varies, in the order of each point's `x`.
     pub coordinates: Vec<Coordinate>,
-    /// Whether the percentiles are preliminary: estimated from each design's first samples, without
+    /// Whether the measures are preliminary: estimated from each design's first samples, without
     /// the methods that the campaign applies to all of them.
     pub preliminary: bool,
-    /// Number of designs with a percentile.
+    /// Number of designs with a measure.
     pub designs: usize,
     /// A selection of them, evenly spaced, of limited size. The best is always included.
     pub points: Vec<Point>,
-    /// The feasible design with the lowest percentile.
+    /// The feasible design with the lowest measure.
     pub best: Option<u64>,
 }
 
@@ -49,7 +49,7 @@ pub struct Coordinate {
     pub range: [f64; 2],
 }
 
-/// A design with its percentile.
+/// A design with its measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Point {
     /// The design's number.
@@ -85,7 +85,7 @@ pub fn responses(
     });
     Responses {
         schema_version: SCHEMA_VERSION,
-        percentile: problem.measured().name.into_owned(),
+        measure: problem.measured().name.into_owned(),
         response: problem.sampled().name.to_string(),
         unit: problem.measured().unit.to_string(),
         coordinates: coordinates.collect(),
@@ -96,22 +96,22 @@ pub fn responses(
     }
 }
 
-/// The percentile over two of the coordinates: a chart for the page, without the numbers of every
+/// The measure over two of the coordinates: a chart for the page, without the numbers of every
 /// point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
     pub schema_version: u32,
-    /// The percentile's name.
-    pub percentile: String,
+    /// The measure's name.
+    pub measure: String,
     /// The coordinates that the DoE varies.
     pub coordinates: Vec<Coordinate>,
-    /// Whether the percentiles are preliminary, as in [`Responses`].
+    /// Whether the measures are preliminary, as in [`Responses`].
     pub preliminary: bool,
-    /// Number of designs with a percentile.
+    /// Number of designs with a measure.
     pub designs: usize,
     /// Number of designs in the chart.
     pub shown: usize,
-    /// The chart, with a table of the lowest percentiles; `None` until a design has a percentile.
+    /// The chart, with a table of the lowest measures; `None` until a design has a measure.
     pub chart: Option<Chart>,
 }
 
@@ -123,7 +123,7 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         Some(label(&coordinate.name, &coordinate.unit))
     };
     let labels = [axis(x)?, axis(y)?];
-    let of_response = format!("{} of {}", responses.percentile, responses.response);
+    let of_response = format!("{} of {}", responses.measure, responses.response);
     let place = |point: &Point| Some([*point.x.get(x)?, *point.x.get(y)?]);
     let triple = |point: &Point| place(point).map(|[x, y]| [x, y, point.value]);
     let mut least: Vec<&Point> = responses.points.iter().collect();
@@ -155,11 +155,11 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         "design, the least first",
         &labels[0],
         &labels[1],
-        &label(&responses.percentile, &responses.unit),
+        &label(&responses.measure, &responses.unit),
     ];
     Some(Map {
         schema_version: SCHEMA_VERSION,
-        percentile: responses.percentile.clone(),
+        measure: responses.measure.clone(),
         coordinates: responses.coordinates.clone(),
         preliminary: responses.preliminary,
         designs: responses.designs,
@@ -195,7 +195,7 @@ mod tests {
         let map = super::map(&many, 0, 5).unwrap().chart.unwrap();
         assert_eq!(map.svg.matches("h0").count(), many.points.len());
         assert_eq!((map.rows.len(), map.columns.len()), (ROWS, 4));
-        // Design 6000 has the lowest percentile but is not among the points shown.
+        // Design 6000 has the lowest measure but is not among the points shown.
         assert_eq!(map.rows[0][0], "5999");
         assert_eq!(super::map(&many, 0, 6), None, "there are six coordinates");
         let none = responses(&problem, points(0), None, false);

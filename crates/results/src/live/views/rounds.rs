@@ -44,7 +44,7 @@ pub struct Round {
 
 /// The view of an enrichment; without rounds if the campaign has none.
 #[must_use]
-pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
+pub fn rounds(enrichment: Option<&Enrichment>, measure: &str) -> Rounds {
     let rounds = enrichment.map_or(&[][..], |enrichment| &enrichment.rounds);
     let number = |value: f64| rounded(value, 5).to_string();
     let rows: Vec<Vec<String>> = rounds
@@ -63,7 +63,7 @@ pub fn rounds(enrichment: Option<&Enrichment>, percentile: &str) -> Rounds {
     let begun = enrichment.filter(|_| !rounds.is_empty());
     let charts = begun.map_or_else(Vec::new, |enrichment| {
         let prediction = Chart::new(
-            charts::prediction(enrichment, percentile),
+            charts::prediction(enrichment, measure),
             &["round", "predicted", "95 % interval from", "to"],
             rows,
         );

@@ -11,20 +11,20 @@ use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 pub struct PercentileSeries {
     /// The entry in the legend.
     pub name: String,
-    /// Abscissae, ascending, with the percentiles there.
+    /// Abscissae, ascending, with the measures there.
     pub points: Vec<(f64, Verified)>,
 }
 
-/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
+/// The `measure` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
 /// bars, one line per approach.
 ///
 /// # Errors
-/// [`Error::NothingToDraw`] without a positive percentile.
-pub fn teeth(percentile: &str, series: &[PercentileSeries]) -> Result<Picture, Error> {
+/// [`Error::NothingToDraw`] without a positive measure.
+pub fn teeth(measure: &str, series: &[PercentileSeries]) -> Result<Picture, Error> {
     let chart = Chart {
-        title: format!("{percentile} of ΔSTE at the optima, with 95 % intervals"),
+        title: format!("{measure} of ΔSTE at the optima, with 95 % intervals"),
         x: axis("teeth of the pinion", Scale::Whole),
-        y: axis(format!("{percentile} of ΔSTE (µm)"), Scale::Log),
+        y: axis(format!("{measure} of ΔSTE (µm)"), Scale::Log),
         series: series
             .iter()
             .enumerate()
@@ -47,14 +47,14 @@ pub fn teeth(percentile: &str, series: &[PercentileSeries]) -> Result<Picture, E
     )
 }
 
-/// The `percentile` (its name, such as P90) of ΔSTE in µm (logarithmic) against another objective in MPa with its
+/// The `measure` (its name, such as P90) of ΔSTE in µm (logarithmic) against another objective in MPa with its
 /// `limit`: `designs` as dots, the non-dominated points `front`, ascending, joined by a staircase, and `series` with
 /// 95 % intervals as bars.
 ///
 /// # Errors
-/// [`Error::NothingToDraw`] without a positive percentile.
+/// [`Error::NothingToDraw`] without a positive measure.
 pub fn front(
-    percentile: &str,
+    measure: &str,
     against: &str,
     limit: f64,
     designs: &[[f64; 2]],
@@ -89,9 +89,9 @@ pub fn front(
             .flat_map(|(one, colour)| with_bars(&one.name, colour, &one.points)),
     );
     let chart = Chart {
-        title: format!("{percentile} of ΔSTE against {against}"),
+        title: format!("{measure} of ΔSTE against {against}"),
         x: axis(against, Scale::Linear),
-        y: axis(format!("{percentile} of ΔSTE (µm)"), Scale::Log),
+        y: axis(format!("{measure} of ΔSTE (µm)"), Scale::Log),
         series: all,
         size: [FULL[0], 420.0],
     };
@@ -102,7 +102,7 @@ fn middle(points: &[(f64, Verified)]) -> Vec<[f64; 2]> {
     points.iter().map(|(x, p90)| [*x, p90.value]).collect()
 }
 
-/// A ring for each percentile and a bar for its interval.
+/// A ring for each measure and a bar for its interval.
 fn with_bars(name: &str, colour: usize, points: &[(f64, Verified)]) -> Vec<Series> {
     let bar = |(x, p90): &(f64, Verified)| {
         let (low, high) = p90.interval?;

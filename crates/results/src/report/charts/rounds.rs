@@ -6,11 +6,11 @@ use crate::report::error::Error;
 use crate::report::quantity::label;
 use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
 
-/// The predicted `percentile` (its name, such as P90) of the recommended design against the rounds of the enrichment.
+/// The predicted `measure` (its name, such as P90) of the recommended design against the rounds of the enrichment.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] if no round recommends a design.
-pub fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Picture, Error> {
+pub fn prediction(enrichment: &Enrichment, measure: &str) -> Result<Picture, Error> {
     let line = |name: &str, mark, colour, value: fn(&EnrichmentRound) -> f64| Series {
         name: (!name.is_empty()).then(|| name.to_owned()),
         mark,
@@ -35,9 +35,9 @@ pub fn prediction(enrichment: &Enrichment, percentile: &str) -> Result<Picture, 
         });
     }
     let chart = Chart {
-        title: format!("{percentile} of the recommended design"),
+        title: format!("{measure} of the recommended design"),
         x: axis("round", Scale::Linear),
-        y: axis(label(percentile, &enrichment.unit), Scale::Linear),
+        y: axis(label(measure, &enrichment.unit), Scale::Linear),
         series,
         size: HALF,
     };

@@ -22,7 +22,7 @@ pub enum Extent {
 /// [`Error::NothingToDraw`] if no design has both responses (both positive, on logarithmic axes).
 pub fn responses(
     doe: &[DoePoint],
-    percentile: &str,
+    measure: &str,
     x: Response,
     y: Response,
     extent: Extent,
@@ -46,11 +46,11 @@ pub fn responses(
         },
         x: Axis {
             range: range(0),
-            ..axis(format!("{} (µm)", x.label(percentile)), scale)
+            ..axis(format!("{} (µm)", x.label(measure)), scale)
         },
         y: Axis {
             range: range(1),
-            ..axis(format!("{} (µm)", y.label(percentile)), scale)
+            ..axis(format!("{} (µm)", y.label(measure)), scale)
         },
         series: vec![diagonal(&points, "equal values")],
         size: HALF,

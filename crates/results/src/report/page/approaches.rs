@@ -61,7 +61,7 @@ impl ApproachRow<'_> {
 
 /// Table 5.
 pub(super) fn approaches<'a>(report: &'a Report, gears: &GearFigures) -> Vec<ApproachRow<'a>> {
-    let percentile = report.snapshot.measure_name();
+    let measure = report.snapshot.measure_name();
     let row = |verified: &'a VerifiedOptimum| {
         let optimum = &verified.optimum;
         let approach = optimum.approach;
@@ -73,7 +73,7 @@ pub(super) fn approaches<'a>(report: &'a Report, gears: &GearFigures) -> Vec<App
             .filter(|limit| is_further(limit));
         ApproachRow {
             label: approach_name(report.problem(), approach),
-            criterion_name: criterion_name(approach, &percentile),
+            criterion_name: criterion_name(approach, &measure),
             design: optimum
                 .found_or_sentence()
                 .map(|found| found_cells(found, &verified.constraints)),

@@ -84,7 +84,7 @@ impl ShowCount for u64 {
     }
 }
 
-/// A percentile and its interval in cells of their own, for templates.
+/// A measure and its interval in cells of their own, for templates.
 pub(super) trait ShowPercentile {
     fn estimate(&self) -> String;
     fn interval(&self) -> String;

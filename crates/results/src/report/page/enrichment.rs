@@ -14,17 +14,17 @@ pub(super) struct EnrichmentView {
 }
 
 impl EnrichmentView {
-    pub(super) fn new(enrichment: &Enrichment, percentile: &str) -> Result<Self, Error> {
+    pub(super) fn new(enrichment: &Enrichment, measure: &str) -> Result<Self, Error> {
         let sentences = [
             effort(enrichment),
-            outcome(enrichment, percentile),
+            outcome(enrichment, measure),
             enrichment.stop.clone(),
         ];
         Ok(Self {
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
             prediction: figure(
                 "enrichment-prediction",
-                charts::prediction(enrichment, percentile),
+                charts::prediction(enrichment, measure),
             )?,
             expected: figure(
                 "enrichment-expected",
@@ -66,7 +66,7 @@ fn effort(enrichment: &Enrichment) -> String {
 }
 
 /// The prediction beside its verification, in sentences.
-fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
+fn outcome(enrichment: &Enrichment, measure: &str) -> String {
     let Some(last) = enrichment.rounds.last() else {
         return String::new();
     };
@@ -75,7 +75,7 @@ fn outcome(enrichment: &Enrichment, percentile: &str) -> String {
     }
     let shown = |value: f64| with_unit(value, 4, &enrichment.unit);
     let mut text = format!(
-        "The model predicts a {percentile} of {} (95 % interval {}) for the design that it recommends.",
+        "The model predicts a {measure} of {} (95 % interval {}) for the design that it recommends.",
         shown(last.predicted),
         interval((last.low, last.high), 4),
     );

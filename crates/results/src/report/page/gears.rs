@@ -54,7 +54,7 @@ struct Page<'a> {
 #[template(path = "report_body.html")]
 struct Body<'a> {
     report: &'a Report,
-    percentile: String,
+    measure: String,
     /// Whether the paper's columns are shown.
     paper: bool,
     paper_samples: usize,
@@ -99,13 +99,10 @@ impl<'a> Body<'a> {
     fn new(report: &'a Report, gears: &'a GearFigures) -> Result<Self, Error> {
         use Response::{Archard, Percentile, Unworn};
         let snapshot = &report.snapshot;
-        let percentile = snapshot.measure_name();
+        let measure = snapshot.measure_name();
         let paper = gears.paper.as_ref();
         let responses = |name, x, y, extent| {
-            figure(
-                name,
-                charts::responses(&gears.doe, &percentile, x, y, extent),
-            )
+            figure(name, charts::responses(&gears.doe, &measure, x, y, extent))
         };
         Ok(Self {
             report,
@@ -165,11 +162,11 @@ impl<'a> Body<'a> {
             enrichment: gears
                 .enrichment
                 .as_ref()
-                .map(|enrichment| EnrichmentView::new(enrichment, &percentile))
+                .map(|enrichment| EnrichmentView::new(enrichment, &measure))
                 .transpose()?,
             optima: optima(report, gears)?,
             notes: all_notes(report),
-            percentile,
+            measure,
         })
     }
 }

@@ -134,17 +134,17 @@ fn summary(
     verified: &VerifiedOptimum,
     found: &Solution,
     illustration: Option<&Illustration>,
-    percentile: &str,
+    measure: &str,
 ) -> String {
     let converged = illustration.and_then(|shown| shown.converged_difference_um);
     let converged = converged.map_or_else(String::new, |value| {
         format!(" ({} µm on the converged grid)", difference(value))
     });
     format!(
-        "{} {} µm, verified {percentile} {} µm{converged}; {}.",
-        capitalised(&criterion_name(verified.optimum.approach, percentile)),
+        "{} {} µm, verified {measure} {} µm{converged}; {}.",
+        capitalised(&criterion_name(verified.optimum.approach, measure)),
         significant(found.criterion, 3),
-        verified.percentile.estimate(),
+        verified.measure.estimate(),
         if found.feasible {
             "feasible"
         } else {

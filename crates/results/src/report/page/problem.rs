@@ -21,7 +21,7 @@ pub(super) fn render(report: &Report) -> Result<ReportFiles, Error> {
     let snapshot = &report.snapshot;
     let page = Page {
         report,
-        percentile: snapshot.measure_name(),
+        measure: snapshot.measure_name(),
         response: &snapshot.problem.sampled().name,
         page_css: PAGE_STYLE,
         chart_css: svg::CSS,
@@ -48,7 +48,7 @@ pub(super) fn render(report: &Report) -> Result<ReportFiles, Error> {
 #[template(path = "problem.html")]
 struct Page<'a> {
     report: &'a Report,
-    percentile: String,
+    measure: String,
     response: &'a str,
     page_css: &'static str,
     chart_css: &'static str,
@@ -81,7 +81,7 @@ impl<'a> OptimumRow<'a> {
             _ => unit,
         };
         let found = optimum.found_or_sentence();
-        let (p90, interval) = match verified.percentile {
+        let (p90, interval) = match verified.measure {
             None => (MISSING.to_owned(), MISSING.to_owned()),
             Some(p90) => {
                 let digits = digits_of(p90.value, p90.interval).max(4);

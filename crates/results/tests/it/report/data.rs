@@ -201,7 +201,7 @@ fn similar() -> Vec<SimilarDesign> {
             number,
             printed,
             delta_ste_archard_um: printed.delta_ste_archard_um * 1.07,
-            p90: Some(percentile(printed.p90_um * 1.05)),
+            p90: Some(measure(printed.p90_um * 1.05)),
         })
         .collect()
 }
@@ -399,7 +399,7 @@ fn runs() -> BTreeMap<Approach, Vec<OptimiserRun>> {
         .collect()
 }
 
-fn percentile(value: f64) -> Verified {
+fn measure(value: f64) -> Verified {
     Verified {
         n: 500,
         value,
