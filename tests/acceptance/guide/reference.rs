@@ -132,6 +132,9 @@ fn kind(node: &Value) -> String {
         ("array", "number", Value::Number(_)) => "two numbers",
         ("array", "integer", Value::Number(_)) => "two whole numbers",
         ("array", "integer", _) => "list of whole numbers",
+        ("array", "number", _) => "list of numbers",
+        ("array", "string", Value::Number(_)) => "two texts",
+        ("object", ..) => "table of texts",
         _ => panic!("a value has no name: {node}"),
     }
     .to_owned()
