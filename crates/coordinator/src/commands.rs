@@ -152,7 +152,10 @@ fn local_workers(
     simulator: &runner::worker::SimulatorArguments,
     count: u16,
 ) -> Result<LocalWorkers, Usage> {
-    let folder = file.and_then(Path::parent).unwrap_or(Path::new(""));
+    let folder = file.and_then(Path::parent);
+    // The parent of a plain name is empty.
+    let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or(Path::new("."));
     let exec = simulator.exec_or(&campaign.simulator, folder);
     match (campaign.is_external(), &exec) {
         (true, None) if count > 0 => {
