@@ -326,6 +326,19 @@ fn a_simulator_section_that_says_nothing_changes_no_digest() {
     let external = parse("[simulator]\nkind = \"external\"").unwrap();
     assert!(external.is_external());
     assert_ne!(absent.digest(), external.digest());
+    // Where the program is does not make another campaign.
+    let named = "[simulator]\nkind = \"external\"\ncommand = \"./solve\"\ntimeout_s = 5\nprocessors = 4\n\
+                 environment = { MODE = \"batch\" }";
+    let named = parse(named).unwrap();
+    assert_eq!(named.digest(), external.digest());
+    assert!(named.extends(&external) && external.extends(&named));
+    assert_eq!(Campaign::from_json(&named.to_json()).unwrap(), named);
+    let variables = named.simulator.environment();
+    let pair = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+    assert_eq!(
+        variables,
+        [pair("OMP_NUM_THREADS", "4"), pair("MODE", "batch")]
+    );
     assert_eq!(Campaign::from_json(&external.to_json()).unwrap(), external);
     for (section, why) in [
         (
@@ -338,7 +351,23 @@ fn a_simulator_section_that_says_nothing_changes_no_digest() {
         ),
         (
             "[simulator]\nkind = \"built-in\"\nprobe_designs = 1",
-            "simulator.probe_designs is 1",
+            "\"external\" beside the other keys",
+        ),
+        (
+            "[simulator]\nkind = \"external\"\ntemplate = \"a.in\"",
+            "given together with result",
+        ),
+        (
+            "[simulator]\nkind = \"external\"\ncommand = \" \"",
+            "simulator.command",
+        ),
+        (
+            "[simulator]\nkind = \"external\"\ntimeout_s = 0",
+            "simulator.timeout_s is 0.0",
+        ),
+        (
+            "[simulator]\nkind = \"external\"\nenvironment = { \"A B\" = \"1\" }",
+            "letters, digits and underscores",
         ),
     ] {
         let error = parse(section).unwrap_err().to_string();
