@@ -309,8 +309,8 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
     let mut deaths = 0;
     while failures() == 0 {
         // The commits before it: the wanted generations, the DoE, the model digest, and what the worker has evaluated
-        // meanwhile.
-        assert!(deaths < 20, "the failure was not stored");
+        // meanwhile, on a busy machine one evaluation for each coordinator.
+        assert!(deaths < 150, "the failure was not stored");
         let (status, errors) = place.serve_dying("after_commit").finish();
         assert_eq!(status.signal(), Some(SIGABRT), "{status} {errors}");
         deaths += 1;
