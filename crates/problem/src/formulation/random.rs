@@ -30,7 +30,7 @@ struct Input {
 #[derive(Debug, Clone)]
 enum Value {
     Number(f64),
-    Formula(Formula),
+    Formula(Box<Formula>),
 }
 
 impl RandomInputs {
