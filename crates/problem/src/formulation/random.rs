@@ -93,9 +93,8 @@ impl Input {
             Parameter::Number(number) => Some(Value::Number(*number)),
             Parameter::Formula(text) => {
                 let formula = Formula::parse(text, variables);
-                Some(Value::Formula(
-                    formula.expect("validation has parsed it, too"),
-                ))
+                let formula = formula.expect("validation has parsed it, too");
+                Some(Value::Formula(Box::new(formula)))
             }
         };
         let mut values = section.values.clone().unwrap_or_default();
