@@ -147,7 +147,7 @@ fn chart(
         .map(|point| [at(point), point.judged()])
         .collect();
     charts::front(
-        &problem.measured().name.into_owned(),
+        &problem.measured().name,
         against.label(),
         against.limit(problem),
         &dots,
