@@ -108,8 +108,13 @@ async fn accept(
             Err(_) => true,
         };
         let has_room = !is_scarce || places.close_idle();
+        // An idle connection gives its descriptor back when its task runs. Until then new ones must not use up the
+        // reserve, which the report needs.
+        let leaves_enough =
+            |stream: &TcpStream| !descriptors::is_of_reserve(stream, descriptors::RESERVE / 2);
         if let Ok((stream, _)) = accepted
             && has_room
+            && leaves_enough(&stream)
         {
             let service = TowerToHyperService::new(router.clone());
             connections.spawn(attend(stream, service, places.arrive(), closing.clone()));
