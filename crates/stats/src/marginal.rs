@@ -1,6 +1,8 @@
 //! Distributions of single random inputs, by the parameters that engineers state, with the quantile function that turns
 //! a standard normal score into a value.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{
     Beta, Continuous as _, ContinuousCDF as _, Gumbel, LogNormal, Normal, Triangular, Uniform,
     Weibull,
@@ -11,27 +13,59 @@ use statrs::statistics::Distribution as _;
 /// Euler's constant, by which the mean of a Gumbel distribution exceeds its mode in units of the scale.
 const EULER: f64 = 0.577_215_664_901_532_9;
 
-/// A family of distributions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A family of distributions of a random input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
 pub enum Family {
-    /// Mean, standard deviation.
+    /// Normal, with `mean` and `sd`.
     Normal,
-    /// Mean and standard deviation of the value itself, not of its logarithm.
+    /// Log-normal, with its own `mean` and `sd`, not those of the logarithm.
     Lognormal,
-    /// Least and greatest value.
+    /// Uniform from `low` to `high`.
     Uniform,
-    /// Least, most probable and greatest value.
+    /// Triangular from `low` to `high`, with its `mode`.
     Triangular,
-    /// Shape and scale.
+    /// Weibull, with `shape` and `scale`.
     Weibull,
-    /// Mean and standard deviation of a greatest value.
+    /// Gumbel's distribution of greatest values, with `mean` and `sd`.
     Gumbel,
-    /// Both shape parameters, least and greatest value.
+    /// Beta from `low` to `high`, with `alpha` and `beta`.
     Beta,
-    /// Mean and standard deviation of the normal distribution, and the least and greatest value at which it is cut.
+    /// Normal with `mean` and `sd`, cut at `low` and `high`.
     TruncatedNormal,
-    /// Measured values, each as probable as the others; no parameters.
+    /// One of the measured `values`.
     Table,
+}
+
+impl Family {
+    /// The names of the parameters, in the order in which [`Marginal::new`] takes them.
+    #[must_use]
+    pub const fn parameters(self) -> &'static [&'static str] {
+        match self {
+            Self::Normal | Self::Lognormal | Self::Gumbel => &["mean", "sd"],
+            Self::Uniform => &["low", "high"],
+            Self::Triangular => &["low", "mode", "high"],
+            Self::Weibull => &["shape", "scale"],
+            Self::Beta => &["alpha", "beta", "low", "high"],
+            Self::TruncatedNormal => &["mean", "sd", "low", "high"],
+            Self::Table => &[],
+        }
+    }
+
+    /// What the parameters must satisfy.
+    #[must_use]
+    pub const fn needs(self) -> &'static str {
+        match self {
+            Self::Normal | Self::Gumbel => "sd ≥ 0",
+            Self::Lognormal => "mean > 0, sd ≥ 0",
+            Self::Uniform => "low < high",
+            Self::Triangular => "low ≤ mode ≤ high, low < high",
+            Self::Weibull => "shape > 0, scale > 0",
+            Self::Beta => "alpha > 0, beta > 0, low < high",
+            Self::TruncatedNormal => "sd > 0, low < high",
+            Self::Table => "two or more values",
+        }
+    }
 }
 
 /// A distribution.
@@ -70,7 +104,7 @@ enum Distribution<'a> {
 }
 
 impl<'a> Marginal<'a> {
-    /// The distribution with these parameters in the order that [`Family`] names, or of these sorted `values`; `None` if
+    /// The distribution with these parameters, in the order of [`Family::parameters`], or of these sorted `values`; `None` if
     /// they make no distribution. A standard deviation may be zero.
     #[must_use]
     pub fn new(family: Family, parameters: &[f64], values: &'a [f64]) -> Option<Self> {

@@ -26,7 +26,9 @@ use statrs::distribution::{Beta, Continuous as _, ContinuousCDF as _, Normal, St
 
 use crate::exact::normal_quantile;
 use crate::moments::{check_finite, mean_sd};
-use crate::order::{order_interval_min_samples, order_statistic, paired_difference};
+use crate::order::{
+    check, check_samples, order_interval_min_samples, order_statistic, paired_difference,
+};
 use crate::quantile::{HarrellDavisVariance, harrell_davis, harrell_davis_min_samples};
 use crate::{Error, Estimate, Method, Percentile, Verified};
 
@@ -194,8 +196,7 @@ impl Measure {
         match *self {
             Self::Percentile { level } => order_statistic(samples, level, confidence),
             Self::Exceedance { limit } => {
-                // The checks of samples and confidence.
-                order_statistic(samples, 0.5, confidence)?;
+                check_samples(samples, confidence)?;
                 let beyond = samples.iter().filter(|sample| **sample > limit).count();
                 Ok(Verified {
                     n,
@@ -287,13 +288,7 @@ impl Measure {
 /// The mean of `scores` and its interval by Hall's transformation of Student's t.
 fn mean_of(scores: &[f64], confidence: f64) -> Result<Verified, Error> {
     let n = scores.len();
-    if !(confidence > 0.0 && confidence < 1.0) {
-        return Err(Error::OutOfRange {
-            name: "confidence",
-            value: confidence,
-            expected: "strictly between 0 and 1",
-        });
-    }
+    check(confidence, "confidence")?;
     let (mean, sd) = mean_sd(scores)?;
     if sd == 0.0 {
         return Ok(Verified {

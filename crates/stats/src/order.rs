@@ -42,20 +42,7 @@ pub struct Verified {
 /// [`Error::OutOfRange`] unless `level` and `confidence` lie strictly between 0 and 1.
 pub fn order_statistic(samples: &[f64], level: f64, confidence: f64) -> Result<Verified, Error> {
     check(level, "level")?;
-    check(confidence, "confidence")?;
-    if samples.is_empty() {
-        return Err(Error::TooFewSamples {
-            statistic: "a percentile",
-            needed: 1,
-            got: 0,
-        });
-    }
-    if let Some(index) = samples.iter().position(|sample| sample.is_nan()) {
-        return Err(Error::NonFinite {
-            index,
-            value: samples[index],
-        });
-    }
+    check_samples(samples, confidence)?;
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - confidence);
@@ -179,7 +166,26 @@ fn interpolate(a: f64, b: f64, share: f64) -> f64 {
     a + share * (b - a)
 }
 
-fn check(value: f64, name: &'static str) -> Result<(), Error> {
+/// The checks of samples that may be infinite, and of the confidence of their interval.
+pub(crate) fn check_samples(samples: &[f64], confidence: f64) -> Result<(), Error> {
+    check(confidence, "confidence")?;
+    if samples.is_empty() {
+        return Err(Error::TooFewSamples {
+            statistic: "a measure",
+            needed: 1,
+            got: 0,
+        });
+    }
+    if let Some(index) = samples.iter().position(|sample| sample.is_nan()) {
+        return Err(Error::NonFinite {
+            index,
+            value: samples[index],
+        });
+    }
+    Ok(())
+}
+
+pub(crate) fn check(value: f64, name: &'static str) -> Result<(), Error> {
     if value > 0.0 && value < 1.0 {
         return Ok(());
     }

@@ -40,7 +40,7 @@ pub struct VariableSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub high: Option<f64>,
     /// Whether only whole numbers are possible, such as numbers of teeth.
-    #[serde(default, skip_serializing_if = "is_false")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub integer: bool,
     /// The possible values in increasing order, such as standard modules.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -49,7 +49,7 @@ pub struct VariableSection {
 
 /// The values that a variable may take.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Choice {
+pub enum Domain {
     /// Only this one.
     Fixed(f64),
     /// All from the first to the second.
@@ -61,15 +61,10 @@ pub enum Choice {
 /// The most values of a discrete variable.
 const MOST_VALUES: usize = 1000;
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes references")]
-const fn is_false(value: &bool) -> bool {
-    !*value
-}
-
 impl VariableSection {
     /// The values that the variable may take.
     #[must_use]
-    pub fn choice(&self) -> Choice {
+    pub fn domain(&self) -> Domain {
         let values = match (&self.values, self.low, self.high) {
             (Some(values), ..) => values.clone(),
             (None, Some(low), Some(high)) if low == high => vec![low],
@@ -79,12 +74,12 @@ impl VariableSection {
                 (0..=count).map(|step| low + step as f64).collect()
             }
             (None, low, high) => {
-                return Choice::Continuous([low.unwrap_or_default(), high.unwrap_or_default()]);
+                return Domain::Continuous([low.unwrap_or_default(), high.unwrap_or_default()]);
             }
         };
         match values[..] {
-            [fixed] => Choice::Fixed(fixed),
-            _ => Choice::Discrete(values),
+            [fixed] => Domain::Fixed(fixed),
+            _ => Domain::Discrete(values),
         }
     }
 
@@ -251,7 +246,7 @@ impl ExternalSections {
             named(&section, &variable.name, &variable.unit)?;
             variable.validate(source, &section)?;
         }
-        let is_free = |variable: &VariableSection| !matches!(variable.choice(), Choice::Fixed(_));
+        let is_free = |variable: &VariableSection| !matches!(variable.domain(), Domain::Fixed(_));
         source.require(
             self.variables.iter().any(is_free),
             "variables",

@@ -2,6 +2,7 @@
 
 use stats::{Measure, NormalOptions, VarianceFormula, Verified};
 
+use super::objective::PAPERS;
 use super::{ControlVariate, EstimatorRule, FailedSamples, Sampling, WearCoefficients};
 
 /// Significance level of Lilliefors' test, as in the paper.
@@ -39,7 +40,7 @@ impl Sampling {
     fn normal_of(&self, measure: Measure) -> NormalOptions {
         let z = measure.normal_factor().unwrap_or_default();
         match self.estimator_rule() {
-            EstimatorRule::Paper if self.objective.is_papers() => NormalOptions::default(),
+            EstimatorRule::Paper if measure == PAPERS => NormalOptions::default(),
             EstimatorRule::Paper => NormalOptions {
                 z,
                 ..NormalOptions::default()
@@ -105,13 +106,6 @@ impl Sampling {
         measure: Measure,
     ) -> Result<stats::Choice, stats::Error> {
         let rule = self.estimator_rule();
-        let normal = match measure == self.measure() {
-            true => self.normal(),
-            false => NormalOptions {
-                z: measure.normal_factor().unwrap_or_default(),
-                ..self.normal()
-            },
-        };
         stats::choose(
             samples,
             &stats::ChoiceRule {
@@ -121,7 +115,7 @@ impl Sampling {
                     EstimatorRule::DistributionFree => 1.0,
                     EstimatorRule::Chosen | EstimatorRule::ChosenBootstrap => SIGNIFICANCE,
                 },
-                normal,
+                normal: self.normal_of(measure),
                 harrell_davis: rule.harrell_davis().unwrap_or_default(),
             },
         )

@@ -61,6 +61,10 @@ enum MeasureName {
 
 /// The level of the paper's percentile.
 const PAPERS_LEVEL: f64 = 0.9;
+/// The paper's measure.
+pub(super) const PAPERS: Measure = Measure::Percentile {
+    level: PAPERS_LEVEL,
+};
 
 impl Objective {
     /// Minimises the percentile at `level`.
@@ -121,10 +125,7 @@ impl Objective {
 
     /// Whether it is the paper's: the 90 % percentile is minimised.
     pub(super) fn is_papers(&self) -> bool {
-        self.measure()
-            == Measure::Percentile {
-                level: PAPERS_LEVEL,
-            }
+        self.measure() == PAPERS
     }
 
     /// The level of a percentile.

@@ -18,7 +18,7 @@ pub struct RandomSection {
     #[serde(default)]
     pub unit: String,
     /// The distribution.
-    pub distribution: DistributionName,
+    pub distribution: Family,
     /// Mean of `"normal"`, `"lognormal"` and `"gumbel"`; of `"truncated-normal"` before it is cut.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean: Option<Parameter>,
@@ -51,30 +51,6 @@ pub struct RandomSection {
     pub values: Option<Vec<f64>>,
 }
 
-/// A distribution of a random input.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum DistributionName {
-    /// Normal, with `mean` and `sd`.
-    Normal,
-    /// Log-normal, with its own `mean` and `sd`, not those of the logarithm.
-    Lognormal,
-    /// Uniform from `low` to `high`.
-    Uniform,
-    /// Triangular from `low` to `high`, with its `mode`.
-    Triangular,
-    /// Weibull, with `shape` and `scale`.
-    Weibull,
-    /// Gumbel's distribution of greatest values, with `mean` and `sd`.
-    Gumbel,
-    /// Beta from `low` to `high`, with `alpha` and `beta`.
-    Beta,
-    /// Normal with `mean` and `sd`, cut at `low` and `high`.
-    TruncatedNormal,
-    /// One of the measured `values`.
-    Table,
-}
-
 /// A number, or a formula of variables in quotation marks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
@@ -98,50 +74,6 @@ pub struct CorrelationSection {
     /// Correlation of their normal scores (Gaussian copula), which for normal inputs is their own. Between −1 and 1,
     /// both excluded.
     pub value: f64,
-}
-
-impl DistributionName {
-    /// The keys of its parameters.
-    pub(crate) const fn keys(self) -> &'static [&'static str] {
-        match self {
-            Self::Normal | Self::Lognormal | Self::Gumbel => &["mean", "sd"],
-            Self::Uniform => &["low", "high"],
-            Self::Triangular => &["low", "mode", "high"],
-            Self::Weibull => &["shape", "scale"],
-            Self::Beta => &["alpha", "beta", "low", "high"],
-            Self::TruncatedNormal => &["mean", "sd", "low", "high"],
-            Self::Table => &[],
-        }
-    }
-
-    /// What its parameters must satisfy.
-    const fn needs(self) -> &'static str {
-        match self {
-            Self::Normal | Self::Gumbel => "sd ≥ 0",
-            Self::Lognormal => "mean > 0, sd ≥ 0",
-            Self::Uniform => "low < high",
-            Self::Triangular => "low ≤ mode ≤ high, low < high",
-            Self::Weibull => "shape > 0, scale > 0",
-            Self::Beta => "alpha > 0, beta > 0, low < high",
-            Self::TruncatedNormal => "sd > 0, low < high",
-            Self::Table => "two or more values",
-        }
-    }
-
-    /// The family, which takes the parameters in the order of the keys.
-    pub(crate) const fn family(self) -> Family {
-        match self {
-            Self::Normal => Family::Normal,
-            Self::Lognormal => Family::Lognormal,
-            Self::Uniform => Family::Uniform,
-            Self::Triangular => Family::Triangular,
-            Self::Weibull => Family::Weibull,
-            Self::Gumbel => Family::Gumbel,
-            Self::Beta => Family::Beta,
-            Self::TruncatedNormal => Family::TruncatedNormal,
-            Self::Table => Family::Table,
-        }
-    }
 }
 
 impl RandomSection {
@@ -176,7 +108,7 @@ impl RandomSection {
         section: &str,
         variables: &[&str],
     ) -> Result<(), FileError> {
-        let keys = self.distribution.keys();
+        let keys = self.distribution.parameters();
         let name = serde_json::to_string(&self.distribution).expect("a name serialises");
         for (key, parameter) in self.parameters() {
             let place = format!("{section}.{key}");
@@ -202,7 +134,7 @@ impl RandomSection {
         }
         self.validate_numbers(source, section)?;
         let place = format!("{section}.values");
-        let is_table = self.distribution == DistributionName::Table;
+        let is_table = self.distribution == Family::Table;
         match &self.values {
             None if is_table => Err(source.missing(&place, "given: \"table\" draws from them")),
             Some(values) if !is_table => {
@@ -221,7 +153,7 @@ impl RandomSection {
 
     /// Requires that numbers without a formula among them make a distribution.
     fn validate_numbers(&self, source: Source<'_>, section: &str) -> Result<(), FileError> {
-        let keys = self.distribution.keys();
+        let keys = self.distribution.parameters();
         let number = |key: &&str| match self.parameter(key) {
             Some(Parameter::Number(number)) => Some(*number),
             _ => None,
@@ -229,7 +161,7 @@ impl RandomSection {
         let Some(numbers) = keys.iter().map(number).collect::<Option<Vec<f64>>>() else {
             return Ok(());
         };
-        let makes_one = Marginal::new(self.distribution.family(), &numbers, &[0.0]).is_some();
+        let makes_one = Marginal::new(self.distribution, &numbers, &[0.0]).is_some();
         source.require(
             makes_one,
             &format!("{section}.{}", keys.last().unwrap_or(&"values")),

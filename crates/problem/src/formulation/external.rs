@@ -3,7 +3,7 @@
 use super::random::RandomInputs;
 use super::space::{Source, Space};
 use super::{Analysis, Constraint, Coordinate, Criteria, Quantity};
-use crate::file::{Choice, ExternalSections};
+use crate::file::{Domain, ExternalSections};
 
 /// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
 const LARGEST: f64 = 1e100;
@@ -44,13 +44,13 @@ impl External {
         let mut coordinates = Vec::new();
         let mut sources = Vec::new();
         for variable in &self.sections.variables {
-            let (range, values) = match variable.choice() {
-                Choice::Fixed(value) => {
+            let (range, values) = match variable.domain() {
+                Domain::Fixed(value) => {
                     sources.push(Source::Fixed(value));
                     continue;
                 }
-                Choice::Continuous(range) => (range, Vec::new()),
-                Choice::Discrete(values) => ([values[0], values[values.len() - 1]], values),
+                Domain::Continuous(range) => (range, Vec::new()),
+                Domain::Discrete(values) => ([values[0], values[values.len() - 1]], values),
             };
             sources.push(Source::Moved(coordinates.len()));
             coordinates.push(Coordinate {

@@ -20,8 +20,7 @@ pub struct RandomInputs {
 struct Input {
     name: String,
     family: Family,
-    keys: &'static [&'static str],
-    /// The parameters in the order of the keys.
+    /// In the order of the family's names.
     parameters: Vec<Value>,
     /// The values of a table, sorted.
     values: Vec<f64>,
@@ -88,7 +87,7 @@ impl RandomInputs {
 
 impl Input {
     fn new(section: &RandomSection, variables: &[&str]) -> Self {
-        let keys = section.distribution.keys();
+        let family = section.distribution;
         let value = |key: &&str| match section.parameter(key)? {
             Parameter::Number(number) => Some(Value::Number(*number)),
             Parameter::Formula(text) => {
@@ -101,9 +100,8 @@ impl Input {
         values.sort_by(f64::total_cmp);
         Self {
             name: section.name.clone(),
-            family: section.distribution.family(),
-            keys,
-            parameters: keys.iter().filter_map(value).collect(),
+            family,
+            parameters: family.parameters().iter().filter_map(value).collect(),
             values,
         }
     }
@@ -116,7 +114,7 @@ impl Input {
         };
         let parameters: Vec<f64> = self.parameters.iter().map(number).collect();
         Marginal::new(self.family, &parameters, &self.values).ok_or_else(|| {
-            let named = self.keys.iter().zip(&parameters);
+            let named = self.family.parameters().iter().zip(&parameters);
             let named: Vec<String> = named
                 .map(|(key, value)| format!("{key} = {value}"))
                 .collect();
