@@ -66,33 +66,43 @@ CREATE TABLE criteria (
 -- ten times as much processor time.
 CREATE TABLE sample_block (
     stream       INTEGER NOT NULL,
-    -- The block is first_sample .. first_sample + length(samples) / 8. Blocks of one stream never overlap; they may
-    -- touch, and the samples between them are missing.
+    -- The block is first_sample .. first_sample + length(samples) / (8 * responses). Blocks of one stream never overlap;
+    -- they may touch, and the samples between them are missing.
     first_sample INTEGER NOT NULL CHECK (first_sample >= 0),
-    -- The sampled response, at most 4096 values. An infinite one stands for a sample that failed.
-    samples      BLOB    NOT NULL CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % 8 = 0),
+    -- Number of sampled responses: the values of one sample.
+    responses    INTEGER NOT NULL CHECK (responses > 0),
+    -- Sample after sample, at most 4096 values. An infinite one stands for a sample that failed.
+    samples      BLOB    NOT NULL
+                 CHECK (length(samples) BETWEEN 8 AND 32768 AND length(samples) % (8 * responses) = 0),
     seal         INTEGER NOT NULL,
     -- Part of the digest. Samples of two origins are never in one block.
     origin       INTEGER REFERENCES origin (origin),
     PRIMARY KEY (stream, first_sample)
 ) STRICT, WITHOUT ROWID;
 
--- The measure of each design's samples: what the campaign optimises, such as their percentile at a level.
+-- The measures of each design's samples: what the campaign optimises, such as their percentile at a level, and what its
+-- constraints limit.
 CREATE TABLE response (
-    design              INTEGER NOT NULL PRIMARY KEY REFERENCES design (design),
+    design              INTEGER NOT NULL REFERENCES design (design),
+    -- 0 is the measure that is optimised; the others are those of constraints, in the order of the campaign file.
+    number              INTEGER NOT NULL CHECK (number >= 0),
     mean                REAL    NOT NULL,
     standard_deviation  REAL    NOT NULL,
     measure             REAL    NOT NULL,
     measure_variance    REAL    NOT NULL,
     lilliefors_p        REAL,
-    seal                INTEGER NOT NULL
-) STRICT;
+    seal                INTEGER NOT NULL,
+    PRIMARY KEY (design, number)
+) STRICT, WITHOUT ROWID;
 
 CREATE TABLE model (
-    name         TEXT    NOT NULL PRIMARY KEY,
+    name         TEXT    NOT NULL,
+    -- The measure that it is a model of, as in table `response`.
+    number       INTEGER NOT NULL CHECK (number >= 0),
     json         TEXT    NOT NULL,
     summary_json TEXT    NOT NULL,
-    seal         INTEGER NOT NULL
+    seal         INTEGER NOT NULL,
+    PRIMARY KEY (name, number)
 ) STRICT, WITHOUT ROWID;
 
 CREATE TABLE optimiser_run (
@@ -122,7 +132,7 @@ CREATE TABLE evaluation (
     criteria      BLOB    CHECK (length(criteria) % 8 = 0),
     -- The same in the baseline state; NULL unless a gear pair is searched without wear.
     worn_criteria BLOB    CHECK (length(worn_criteria) % 8 = 0),
-    -- The sampled response, for a direct search; NULL if a constraint is violated.
+    -- The samples, as in sample_block, for a direct search; NULL if a constraint is violated.
     samples       BLOB    CHECK (length(samples) % 8 = 0),
     origin        INTEGER REFERENCES origin (origin),
     PRIMARY KEY (stream, evaluation)

@@ -9,7 +9,7 @@ use crate::other_output::run;
 const CAMPAIGN: &str = "kind = \"external\"\nformat = 1\nname = \"absurd\"\nseed = 1\n\n\
     [[variables]]\nname = \"a\"\nlow = 0.0\nhigh = 1.0\n\n\
     [[variables]]\nname = \"b\"\nlow = 0.0\nhigh = 1.0\n\n\
-    [response]\nname = \"y\"\nunit = \"mm\"\n\n\
+    [[responses]]\nname = \"y\"\nunit = \"mm\"\n\n\
     [doe]\ndesigns = 25\n\n[sampling]\nsamples_per_design = 10\n\n\
     [optimise]\nevaluations = 100\nstarts = 1\n\n[verify]\nsamples = 200\n\n\
     [simulator]\nprobe_designs = 0\n";
@@ -143,7 +143,7 @@ fn samples_beyond_the_limits_are_computed_again() {
         "unit = \"mm\"\nmin = -10.0\nmax = 10.0\n",
     )]);
     let said = case.run("c.db");
-    let sentence = "y is 1e50 mm, above the largest plausible value 10.0 mm (response.max)";
+    let sentence = "y is 1e50 mm, above the largest plausible value 10.0 mm (max of the response)";
     assert!(said.contains(sentence), "{said}");
     assert_eq!(case.status("c.db")["failures"], 2);
     case.mend();

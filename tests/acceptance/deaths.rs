@@ -16,7 +16,7 @@ const SAMPLES: u64 = 4;
 const CAMPAIGN: &str = "kind = \"external\"\nformat = 1\nname = \"deadly\"\nseed = 1\n\n\
     [[variables]]\nname = \"a\"\nlow = 0.0\nhigh = 1.0\n\n\
     [[variables]]\nname = \"b\"\nlow = 0.0\nhigh = 1.0\n\n\
-    [response]\nname = \"y\"\nbaseline = true\n\n\
+    [[responses]]\nname = \"y\"\nbaseline = true\n\n\
     [doe]\ndesigns = 30\n\n[sampling]\nsamples_per_design = 4\n\n\
     [optimise]\nevaluations = 40\nstarts = 1\n\n[verify]\nsamples = 30\n\n\
     [simulator]\nprobe_designs = 0\n";

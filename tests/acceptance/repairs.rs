@@ -8,7 +8,7 @@ use serde_json::Value;
 const CAMPAIGN: &str = "kind = \"external\"\nformat = 1\nname = \"outage\"\nseed = 1\n\n\
     [[variables]]\nname = \"a\"\nlow = 0.0\nhigh = 1.0\n\n\
     [[variables]]\nname = \"b\"\nlow = 0.0\nhigh = 1.0\n\n\
-    [[constraints]]\nname = \"g\"\nmax = 9.0\n\n[response]\nname = \"y\"\nbaseline = true\n\n\
+    [[constraints]]\nname = \"g\"\nmax = 9.0\n\n[[responses]]\nname = \"y\"\nbaseline = true\n\n\
     [doe]\ndesigns = 12\n\n[sampling]\nsamples_per_design = 10\n\n\
     [optimise]\nevaluations = 40\nstarts = 1\n\n[verify]\nsamples = 30\n\n\
     [enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 220\nrounds = 2\n\

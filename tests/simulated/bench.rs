@@ -91,8 +91,8 @@ impl Recorder for Memory {
             for block in batch.samples {
                 for (sample, value) in block.indexed() {
                     let key = (block.stream.index, sample);
-                    if let Some(held) = stored.samples.insert(key, value) {
-                        stored.conflicts += u64::from(held.to_bits() != value.to_bits());
+                    if let Some(held) = stored.samples.insert(key, value[0]) {
+                        stored.conflicts += u64::from(held.to_bits() != value[0].to_bits());
                         stored.duplicates += 1;
                         receipt.duplicate_rows += 1;
                     } else {
@@ -206,7 +206,7 @@ pub(crate) fn expected(problem: &Problem) -> Samples {
         };
         samples.extend(
             (0..)
-                .zip(values)
+                .zip(values.into_values())
                 .map(|(i, sample)| ((u64::from(design), i), sample)),
         );
     }

@@ -281,7 +281,8 @@ fn no_bytes_break_the_reading_of_results() {
             // The rows cover the unit and hold only plausible values.
             let range = u64::from(read.unit.samples.start)..u64::from(read.unit.samples.end);
             let is_right = |block: &store::SampleBlock| {
-                let is_right = |(sample, value)| range.contains(&sample) && (0.0..=1e6).contains(&value);
+                let is_right =
+                    |(sample, values): (u64, &[f64])| range.contains(&sample) && (0.0..=1e6).contains(&values[0]);
                 block.stream == read.unit.stream && block.indexed().all(is_right)
             };
             prop_assert!(batch.samples.iter().all(is_right));

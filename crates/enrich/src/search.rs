@@ -13,6 +13,8 @@ use crate::{Error, ExactCriteria};
 const NOTHING: f64 = 1e-9;
 /// Added to a lower quantile, so that it ranks behind every expected improvement.
 const LIFT: f64 = 1e9;
+/// Value in δ of a design that certainly keeps its limits, before one is known.
+const FIRST: f64 = 4.0;
 
 /// A new design and the value of observing it.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,6 +36,19 @@ where
     R: Rng + ?Sized,
 {
     let options = context.options;
+    let sampled = &context.rows.sampled;
+    let mut incumbents = region.incumbents.iter();
+    let has_feasible = incumbents.any(|&row| sampled[row].violation <= 0.0);
+    let gain = |x: &[f64], criteria: &ExactCriteria| {
+        let gain = criterion.new_design(x, criteria.baseline);
+        // Until a design is known to keep its limits, finding one is worth several δ.
+        let least = if has_feasible || criteria.holds >= 1.0 {
+            0.0
+        } else {
+            FIRST * options.delta_um
+        };
+        context.probability(x) * criteria.holds * gain.max(least)
+    };
     let within = Bounds::new(region.bounds.clone())?;
     let mut evaluate = |x: &[f64]| -> Evaluation {
         let x = &context.rounded(x)[..];
@@ -50,14 +65,15 @@ where
                 violation,
             };
         }
-        let value = probability * criterion.new_design(x, criteria.baseline);
+        let value = gain(x, &criteria);
         // The lower quantile guides the search where the criterion is flat, first among the designs that
-        // can probably be simulated.
+        // can probably be simulated and keep their limits.
         let value = if value > NOTHING {
             -value
         } else {
             let belief = region.model.belief(x, criteria.baseline);
-            let lift = if probability < 0.5 { 2.0 * LIFT } else { LIFT };
+            let is_likely = probability >= 0.5 && criteria.holds >= 0.5;
+            let lift = if is_likely { LIFT } else { 2.0 * LIFT };
             lift + belief.response_quantile(-options.quantile_z)
         };
         Evaluation {
@@ -110,8 +126,7 @@ where
     if !evaluation.is_feasible() {
         return Ok(None);
     }
-    let value =
-        context.probability(&x) * criterion.new_design(&x, context.exact_criteria(&x).baseline);
+    let value = gain(&x, &context.exact_criteria(&x));
     Ok(Some(Candidate { x, value }))
 }
 

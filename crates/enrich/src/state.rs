@@ -17,13 +17,14 @@ pub struct SampledDesign {
     pub response: f64,
     /// The variance of the response's estimate.
     pub variance: f64,
-    /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
+    /// The violation of all constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
     /// [`ExactCriteria::baseline`] of the design.
     pub baseline: f64,
 }
 
-/// The criteria of a design that need no samples: the exact constraints and the baseline.
+/// What is known of a design without samples of it: the exact constraints, the baseline, and the probability that other
+/// constraints hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExactCriteria {
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
@@ -33,6 +34,10 @@ pub struct ExactCriteria {
     /// output from a complex computer code when fast approximations are available*, Biometrika 87 (2000)
     /// 1–13, with the factor 1).
     pub baseline: f64,
+    /// The probability that the constraints hold that are known from samples only, such as by their models; 1 without any.
+    /// The value of a new design is multiplied by it (M. Schonlau, *Computer Experiments and Global Optimization*, thesis,
+    /// University of Waterloo, 1997).
+    pub holds: f64,
 }
 
 impl From<f64> for ExactCriteria {
@@ -41,6 +46,7 @@ impl From<f64> for ExactCriteria {
         Self {
             violation,
             baseline: 0.0,
+            holds: 1.0,
         }
     }
 }

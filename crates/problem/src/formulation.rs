@@ -1,7 +1,7 @@
 //! The problem formulations, which map a point of the design space to criteria and constraints.
 //!
-//! A [`Problem`] names its variables, the deterministic responses of a design, the constraints on
-//! them and the response that is sampled. The code that samples, models and optimises works with
+//! A [`Problem`] names its variables, the deterministic responses of a design, the responses that are sampled, the
+//! measures of these, and the constraints on both. The code that samples, models and optimises works with
 //! lists of numbers, [`Design`] and [`Criteria`], in the problem's order.
 //!
 //! [`gears`] is the problem of the paper. Its deterministic problem ((2)–(3)) has eleven variables,
@@ -19,6 +19,7 @@ mod constraint;
 mod design;
 mod external;
 pub mod gears;
+mod measured;
 mod quantity;
 mod random;
 mod space;
@@ -27,6 +28,7 @@ pub use analysis::{Analysis, State};
 pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
+pub use measured::Measured;
 pub use quantity::Quantity;
 pub use random::RandomInputs;
 pub use space::Coordinate;
@@ -42,9 +44,12 @@ pub struct Problem {
     /// The search space of the DoE, the models and the approaches that use them.
     free: Space,
     base: Design,
+    /// The deterministic ones, and then the measures that constraints limit.
     criteria: Vec<Quantity>,
     responses: Vec<Quantity>,
-    sampled: Quantity,
+    sampled: Vec<Quantity>,
+    /// The objective's, and then those of the constraints.
+    measures: Vec<Measured>,
     random: Option<RandomInputs>,
     kind: Formulation,
 }
@@ -74,7 +79,8 @@ impl Problem {
                     base: gears::base(&sections),
                     criteria: gears::criteria(detailed),
                     responses: gears::responses(detailed),
-                    sampled: gears::SAMPLED,
+                    sampled: vec![gears::SAMPLED],
+                    measures: vec![Measured::of_one(gears::SAMPLED, &campaign.sampling)],
                     random: None,
                     kind: Formulation::Gears(Box::new(gears::Gears::new(*sections))),
                     campaign,
@@ -91,6 +97,7 @@ impl Problem {
                     criteria: external.criteria(),
                     responses: external.responses(),
                     sampled: external.sampled(),
+                    measures: external.measures(&campaign.sampling),
                     random: external.random(),
                     kind: Formulation::External(external),
                     campaign,
@@ -241,10 +248,17 @@ impl Problem {
         exists.then_some(design)
     }
 
-    /// The quantities that constraints are set on, in the order of [`Criteria`].
+    /// The quantities that constraints are set on, in the order of [`Criteria`]: the deterministic ones, and then the
+    /// measures of samples. [`Criteria`] may lack the latter.
     #[must_use]
     pub fn criteria(&self) -> &[Quantity] {
         &self.criteria
+    }
+
+    /// The deterministic quantities that constraints are set on.
+    #[must_use]
+    pub fn deterministic(&self) -> &[Quantity] {
+        &self.criteria[..self.criteria.len() - self.limited().len()]
     }
 
     /// The deterministic responses of a design that are stored and exported.
@@ -259,56 +273,111 @@ impl Problem {
         self.random.as_ref()
     }
 
-    /// The measure of the sampled response: its name, such as P90, and its unit.
+    /// The measure that is optimised.
     #[must_use]
-    pub fn measured(&self) -> Quantity {
-        let unit = match self.campaign.sampling.objective.is_probability() {
-            true => "",
-            false => &*self.sampled.unit,
-        };
-        Quantity::new(&self.campaign.measure_name(), unit)
+    pub fn objective(&self) -> &Measured {
+        &self.measures[0]
     }
 
-    /// The sampled response. Its name is used for columns.
+    /// The measures that constraints limit, in the order of the file.
     #[must_use]
-    pub const fn sampled(&self) -> &Quantity {
+    pub fn limited(&self) -> &[Measured] {
+        &self.measures[1..]
+    }
+
+    /// All measures: that of the objective, and those that constraints limit.
+    #[must_use]
+    pub fn measures(&self) -> &[Measured] {
+        &self.measures
+    }
+
+    /// The measure that is optimised: its name, such as P90, and its unit.
+    #[must_use]
+    pub fn measured(&self) -> &Quantity {
+        &self.objective().quantity
+    }
+
+    /// The sampled responses, in the order of the values of a sample. Their names are used for columns.
+    #[must_use]
+    pub fn sampled(&self) -> &[Quantity] {
         &self.sampled
     }
 
-    /// Whether this number stands for a failed sample of an external program.
-    fn is_failed_sample(&self, value: f64) -> bool {
-        let sampling = &self.campaign.sampling;
-        self.campaign.is_external()
-            && sampling.tolerates_failures()
-            && value == sampling.failed_sample()
+    /// Criteria with the measures that constraints limit: the values of [`Measured::bound`], in the order of
+    /// [`limited`](Self::limited).
+    #[must_use]
+    pub fn with_limited(&self, deterministic: &Criteria, bounds: &[f64]) -> Criteria {
+        let values = deterministic
+            .values()
+            .iter()
+            .take(self.deterministic().len());
+        Criteria::new(values.chain(bounds).copied().collect())
     }
 
-    /// The sample that a simulator's number stands for. NaN and infinity become the failed sample if the
-    /// campaign [tolerates failures](crate::file::Sampling::tolerates_failures), and are unchanged otherwise.
+    /// Whether these values stand for a failed sample of an external program.
+    fn is_failed_sample(&self, values: &[f64]) -> bool {
+        let sampling = &self.campaign.sampling;
+        let is_failed = |value: &f64| *value == sampling.failed_sample();
+        self.campaign.is_external() && sampling.tolerates_failures() && values.iter().all(is_failed)
+    }
+
+    /// The values of a failed sample.
     #[must_use]
-    pub fn sample_of(&self, value: f64) -> f64 {
+    pub fn failed_sample(&self) -> Vec<f64> {
+        vec![self.campaign.sampling.failed_sample(); self.sampled.len()]
+    }
+
+    /// The sample that a simulator's numbers stand for. If one is NaN or infinite, it is the failed sample if the
+    /// campaign [tolerates failures](crate::file::Sampling::tolerates_failures), and unchanged otherwise.
+    #[must_use]
+    pub fn sample_of(&self, values: Vec<f64>) -> Vec<f64> {
         let sampling = &self.campaign.sampling;
         let is_result = self.campaign.is_external() && sampling.tolerates_failures();
-        match value.is_finite() || !is_result {
-            true => value,
-            false => sampling.failed_sample(),
+        match values.iter().all(|value| value.is_finite()) || !is_result {
+            true => values,
+            false => self.failed_sample(),
         }
     }
 
-    /// Checks that this number can be a sample of the response, or the response without random
-    /// effects: within the campaign's limits, and not so large that statistics overflow.
+    /// Checks that these numbers can be a sample: as many as there are sampled responses, each within the campaign's
+    /// limits, and not so large that statistics overflow.
+    ///
+    /// # Errors
+    ///
+    /// The name of the response, and a sentence without its subject: the value and the valid range.
+    pub fn check_sample(&self, values: &[f64]) -> Result<(), (&str, String)> {
+        let (count, expected) = (values.len(), self.sampled.len());
+        if count != expected {
+            let why = format!("is one of {expected} sampled responses, and the sample has {count}");
+            return Err((&self.sampled[0].name, why));
+        }
+        if self.is_failed_sample(values) {
+            return Ok(());
+        }
+        let mut named = self.sampled.iter().zip(values).enumerate();
+        named.try_for_each(|(place, (quantity, value))| {
+            let checked = self.check_response(place, *value);
+            checked.map_err(|why| (&*quantity.name, why))
+        })
+    }
+
+    /// Checks one value of a sample.
+    fn check_response(&self, place: usize, value: f64) -> Result<(), String> {
+        match &self.kind {
+            Formulation::Gears(_) => gears::check_delta_ste(value),
+            Formulation::External(external) => external.check_sample(place, value),
+        }
+    }
+
+    /// Checks the objective's response without random effects, as a sample's value is checked.
     ///
     /// # Errors
     ///
     /// A sentence without its subject: the value and the valid range.
-    pub fn check_sample(&self, value: f64) -> Result<(), String> {
-        if self.is_failed_sample(value) {
-            return Ok(());
-        }
-        match &self.kind {
-            Formulation::Gears(_) => gears::check_delta_ste(value),
-            Formulation::External(external) => external.check_sample(value),
-        }
+    pub fn check_baseline(&self, value: f64) -> Result<(), String> {
+        let name = &self.objective().response.name;
+        let place = self.sampled.iter().position(|one| one.name == *name);
+        self.check_response(place.unwrap_or_default(), value)
     }
 
     /// The approaches of the campaign, in the order of the paper's Table 5.
@@ -395,11 +464,11 @@ impl Problem {
         }
         match &self.kind {
             Formulation::Gears(_) => gears::check(|name| self.response(responses, name)),
-            Formulation::External(external) => {
+            Formulation::External(_) => {
                 let mut named = self.responses.iter().zip(responses);
                 named.try_for_each(|(quantity, &value)| {
-                    let checked = match quantity.name == self.sampled.name {
-                        true => external.check_sample(value),
+                    let checked = match quantity.name == self.objective().response.name {
+                        true => self.check_baseline(value),
                         false => external::check_number(value),
                     };
                     checked.map_err(|why| format!("{} {why}", quantity.name))
@@ -426,7 +495,13 @@ impl Problem {
     pub fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
         match &self.kind {
             Formulation::Gears(gears) => gears.constraints(&criteria.gears()),
-            Formulation::External(external) => external.constraints(criteria),
+            Formulation::External(external) => {
+                let mut constraints = external.constraints(criteria);
+                let bounds = criteria.values().iter().skip(self.deterministic().len());
+                let limited = self.limited().iter().zip(bounds);
+                constraints.extend(limited.filter_map(|(one, bound)| one.constraint(*bound)));
+                constraints
+            }
         }
     }
 
@@ -484,6 +559,14 @@ impl Problem {
     pub fn violation(&self, criteria: &Criteria) -> f64 {
         let relative = |constraint: &Constraint| constraint.excess.max(0.0) / constraint.scale;
         self.constraints(criteria).iter().map(relative).sum()
+    }
+
+    /// The part of [`violation`](Self::violation) that the measures with these [bounds](Measured::bound) cause.
+    #[must_use]
+    pub fn limited_violation(&self, bounds: &[f64]) -> f64 {
+        let limited = self.limited().iter().zip(bounds);
+        let constraints = limited.filter_map(|(measured, bound)| measured.constraint(*bound));
+        constraints.map(|one| one.excess.max(0.0) / one.scale).sum()
     }
 
     /// Whether a design satisfies all constraints of (3) or (7), with their strict inequalities.

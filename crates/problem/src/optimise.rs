@@ -143,7 +143,7 @@ impl Search {
         streams: u64,
         most_continuations: u32,
     ) -> Result<Self, String> {
-        let objective = Objective::new(run)?;
+        let objective = Objective::new(problem, run)?;
         let campaign = problem.campaign();
         let settings = campaign.optimise;
         let dimension = problem.dimension_of(run.approach);

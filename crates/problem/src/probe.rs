@@ -100,11 +100,13 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
             }
             let mut sample = |rng: &mut StreamRng| design.sample(rng);
             let [first, second] = [sample(&mut rng)?, sample(&mut rng)?];
-            absorb(first);
-            absorb(second);
+            first.iter().chain(&second).copied().for_each(&mut absorb);
             if sampled == 0 {
                 let again = sample(&mut begin().1)?;
-                if again.to_bits() != first.to_bits() {
+                let bits =
+                    |values: &[f64]| values.iter().map(|one| one.to_bits()).collect::<Vec<_>>();
+                if bits(&again) != bits(&first) {
+                    let [first, again] = [&first, &again].map(|values| listed(values));
                     fault = Some(format!(
                         "one sample, asked for twice with the same seed, was {first} and then \
                          {again}: the answers must depend on the request alone \
@@ -113,8 +115,9 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
                 }
             }
             // A failed sample does not show whether the seed matters.
-            sampled += u32::from(first.is_finite());
-            equal += u32::from(first.is_finite() && first == second);
+            let is_given = first.iter().all(|value| value.is_finite());
+            sampled += u32::from(is_given);
+            equal += u32::from(is_given && first == second);
             Ok(())
         };
         match answer() {
@@ -140,6 +143,12 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
         sampled,
         equal,
     })
+}
+
+/// The values of a sample in messages.
+fn listed(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(f64::to_string).collect();
+    values.join(", ")
 }
 
 #[cfg(test)]

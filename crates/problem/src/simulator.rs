@@ -53,13 +53,13 @@ pub trait Prepared {
     /// The design is not simulable, or the simulator failed.
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer>;
 
-    /// Draws a sample of the response using only `rng`: for a gear pair ΔSTE, in µm. NaN or infinite
-    /// if the simulator has no number for it.
+    /// Draws a sample using only `rng`: a value for each of the [sampled responses](Problem::sampled), for a gear pair ΔSTE
+    /// in µm. NaN or infinite if the simulator has no number for it.
     ///
     /// # Errors
     ///
     /// The simulator or its machine failed. Another attempt may succeed.
-    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer>;
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer>;
 
     /// The number of standard normal coefficients that the random effects are made of: those of a gear pair's flanks, or
     /// the scores of the campaign's random inputs. 0 if the simulator's random effects are not known.
@@ -67,12 +67,12 @@ pub trait Prepared {
         0
     }
 
-    /// The response with these coefficients, whose number is [`modes`](Self::modes): for a gear pair ΔSTE, in µm.
+    /// The sample with these coefficients, whose number is [`modes`](Self::modes).
     ///
     /// # Errors
     ///
     /// The simulator does not accept coefficients.
-    fn sample_at(&mut self, _coefficients: &[f64]) -> Result<f64, NoAnswer> {
+    fn sample_at(&mut self, _coefficients: &[f64]) -> Result<Vec<f64>, NoAnswer> {
         Err(NoAnswer::Failed(
             "this simulator draws its random effects itself: sampling.coefficients must be \"independent\""
                 .to_owned(),
@@ -128,16 +128,16 @@ impl Prepared for BuiltIn<'_> {
         })
     }
 
-    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer> {
-        Ok(self.sampler().draw(rng))
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer> {
+        Ok(vec![self.sampler().draw(rng)])
     }
 
     fn modes(&mut self) -> usize {
         self.sampler().modes()
     }
 
-    fn sample_at(&mut self, coefficients: &[f64]) -> Result<f64, NoAnswer> {
-        Ok(self.sampler().at(coefficients))
+    fn sample_at(&mut self, coefficients: &[f64]) -> Result<Vec<f64>, NoAnswer> {
+        Ok(vec![self.sampler().at(coefficients)])
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use stats::Samples;
 use stats::streams::Purpose;
 
 use crate::formulation::Design;
@@ -60,7 +61,7 @@ impl Source {
     pub fn bytes(&self) -> usize {
         match self {
             Self::Design(design) | Self::Point(design) => size_of_val(design.values()),
-            Self::Run(run) => run.model.as_deref().map_or(0, str::len),
+            Self::Run(run) => run.models.iter().map(|model| model.len()).sum(),
             Self::Candidates(candidates) => {
                 let bytes = |one: &Candidate| size_of_val(one.design.values());
                 candidates.iter().map(bytes).sum()
@@ -86,14 +87,14 @@ pub enum Output {
         /// Why the design gets no samples although it is simulable: its constraints rule it out,
         /// such as `ruled-out: …`.
         ruled_out: Option<String>,
-        /// The response with random effects, from the unit's first sample on.
-        samples: Vec<f64>,
+        /// The responses with random effects, from the unit's first sample on.
+        samples: Samples,
     },
     /// A design that is not simulable: the reason's short name and a sentence, such as
     /// `contact-gap: …`.
     Refused(String),
-    /// The response of a point with random effects, from the unit's first sample on.
-    Samples(Vec<f64>),
+    /// The responses of a point with random effects, from the unit's first sample on.
+    Samples(Samples),
     /// The result of a run on the built-in simulator.
     Run(Box<RunResult>),
     /// The evaluations of a run's candidates, from the unit's first one on.

@@ -29,12 +29,19 @@ fn is_squared(what: &str) -> bool {
 pub(crate) fn statistic(problem: &Problem, what: &str) -> Column {
     let unit = match is_probability(problem, what) {
         true => "",
-        false => &*problem.sampled().unit,
+        false => &*problem.objective().response.unit,
     };
-    let square = if is_squared(what) && !unit.is_empty() {
-        "²"
-    } else {
-        ""
+    let unit = match is_squared(what) {
+        true => squared(unit),
+        false => unit.to_owned(),
     };
-    Column::number(column(problem, what)).in_unit(format!("{unit}{square}"))
+    Column::number(column(problem, what)).in_unit(unit)
+}
+
+/// The unit of a variance.
+pub(crate) fn squared(unit: &str) -> String {
+    match unit {
+        "" => String::new(),
+        unit => format!("{unit}²"),
+    }
 }

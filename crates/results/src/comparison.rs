@@ -245,7 +245,7 @@ fn figures(report: &Report) -> Vec<ComparedFigure> {
 
 /// P90 as the paper verifies it, by (8) from as many samples, µm: for its Table 5.
 fn p90_by_paper_um(problem: &Problem, verified: &VerifiedOptimum) -> f64 {
-    let samples = verified.samples();
+    let samples = verified.values(problem);
     let samples = &samples[..samples.len().min(ACCURATE_SAMPLES)];
     let estimate = problem.campaign().sampling.papers_estimate(samples);
     estimate.map_or(f64::NAN, |estimate| estimate.p90)

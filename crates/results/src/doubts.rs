@@ -122,7 +122,7 @@ fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String>
              without random effects.",
             if problem.random().is_some() { "random inputs" } else { "seed" },
             responses.len(),
-            problem.sampled().name,
+            problem.objective().response.name,
         )
     })
 }

@@ -9,12 +9,13 @@ use clap::ValueEnum;
 use ledger::StreamId;
 use problem::formulation::{Problem, Quantity, RandomInputs};
 use problem::task::random_values;
+use stages::doe::Doe;
 use stages::fitting::{ModelSummary, latest_model};
 use stages::names;
 use stages::rounds::Round;
 use store::{OriginRow, Store};
 
-use crate::columns::statistic;
+use crate::columns::{squared, statistic};
 use crate::converged::difference_um;
 use crate::optima::Optima;
 use crate::table::{Cell, Column, Format, TableWriter};
@@ -180,11 +181,8 @@ async fn samples<W: Write + Send>(
     problem: &Problem,
     out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
-    let mut columns = vec![
-        Column::whole("design"),
-        Column::whole("sample"),
-        quantity(problem.sampled()),
-    ];
+    let mut columns = ["design", "sample"].map(Column::whole).to_vec();
+    columns.extend(problem.sampled().iter().map(quantity));
     let random = problem.random().map_or(&[][..], RandomInputs::quantities);
     columns.extend(random.iter().map(quantity));
     let mut out = out.table(columns)?;
@@ -199,8 +197,9 @@ async fn samples<W: Write + Send>(
             let number = block.stream.index;
             let row = designs.get(number as usize);
             let design = row.map(|row| problem.design(&row.x, base));
-            block.indexed().try_for_each(|(sample, value)| {
-                let mut row = row![number, sample, value].to_vec();
+            block.indexed().try_for_each(|(sample, sampled)| {
+                let mut row = row![number, sample].to_vec();
+                row.extend(sampled.iter().copied().map(Cell::from));
                 let values = design
                     .as_ref()
                     .and_then(|design| random_values(problem, block.stream, design, sample));
@@ -220,16 +219,28 @@ async fn responses<W: Write + Send>(
     let mut columns = vec![Column::whole("design")];
     columns.extend(["mean", "sd", "{p}", "{p}_variance"].map(|what| statistic(problem, what)));
     columns.push(Column::number("lilliefors_p"));
+    for measured in problem.limited() {
+        let Quantity { name, .. } = &measured.quantity;
+        let unit = &measured.response.unit;
+        columns.push(Column::number(name.to_string()).in_unit(unit.to_string()));
+        columns.push(Column::number(format!("{name}_variance")).in_unit(squared(unit)));
+    }
     let mut out = out.table(columns)?;
-    for row in store.responses().await? {
-        out.write(&row![
+    let doe = Doe::read(store).await?;
+    let limited = doe.estimates(problem);
+    for row in &doe.responses {
+        let mut cells = row![
             row.design,
             row.mean,
             row.standard_deviation,
             row.measure,
             row.measure_variance,
             row.lilliefors_p,
-        ])?;
+        ]
+        .to_vec();
+        let estimates = limited.get(&row.design).into_iter().flatten();
+        cells.extend(estimates.flat_map(|(value, variance)| row![*value, *variance]));
+        out.write(&cells)?;
     }
     out.finish()
 }
@@ -322,9 +333,13 @@ async fn infill<W: Write + Send>(
     columns.extend(["{p}", "{p}_variance"].map(|what| statistic(problem, what)));
     let mut out = out.table(columns)?;
     for point in store.infill().await? {
-        let samples = store.values_of(StreamId::point(point.number)).await?;
-        let is_whole = samples.len() as u64 == point.samples && !point.failed;
-        let estimate = problem.campaign().sampling.estimate(&samples).ok();
+        let samples = store
+            .first_samples_of(StreamId::point(point.number))
+            .await?;
+        let values = samples.map(|samples| problem.objective().values(&samples));
+        let values = values.unwrap_or_default();
+        let is_whole = values.len() as u64 == point.samples && !point.failed;
+        let estimate = problem.campaign().sampling.estimate(&values).ok();
         let estimate = estimate
             .filter(|_| is_whole)
             .map(|estimate| estimate.chosen);
@@ -347,7 +362,7 @@ async fn optima<W: Write + Send>(
     problem: &Problem,
     out: Destination<'_, W>,
 ) -> anyhow::Result<()> {
-    let (variables, criteria) = (problem.variables(), problem.criteria());
+    let (variables, criteria) = (problem.variables(), problem.deterministic());
     let mut columns = vec![Column::text("approach")];
     columns.extend(variables.iter().map(quantity));
     let estimates = ["criterion", "{p}", "{p}_low", "{p}_high"];
@@ -355,6 +370,13 @@ async fn optima<W: Write + Send>(
     let has_grid = problem.gears().is_some();
     columns.extend(has_grid.then(|| statistic(problem, "{p}_converged_difference")));
     columns.extend(criteria.iter().map(quantity));
+    for measured in problem.limited() {
+        let name = &measured.quantity.name;
+        let ends = ["", "_low", "_high"].map(|end| format!("{name}{end}"));
+        let in_unit = |name| Column::number(name).in_unit(measured.limit_unit().to_owned());
+        columns.extend(ends.map(in_unit));
+        columns.push(Column::number(format!("{name}_confidence")));
+    }
     columns.extend([
         Column::whole("feasible"),
         Column::whole("simulator_calls"),
@@ -382,9 +404,18 @@ async fn optima<W: Write + Send>(
             row.push(difference.into());
         }
         row.extend(numbers(
-            found.map(|found| found.criteria.values()),
+            found.map(|found| &found.criteria.values()[..criteria.len()]),
             criteria.len(),
         ));
+        for place in 0..problem.limited().len() {
+            let limit = verified.limits.get(place);
+            row.extend(row![
+                limit.map(|limit| limit.value.value),
+                limit.and_then(|limit| limit.value.low),
+                limit.and_then(|limit| limit.value.high),
+                limit.and_then(|limit| limit.confidence),
+            ]);
+        }
         row.extend(row![
             optimum.feasible().is_some(),
             optimum.cost.simulator_calls,

@@ -19,6 +19,7 @@ pub mod costs;
 pub mod describing;
 pub mod descriptors;
 mod doubts;
+pub mod estimate;
 pub mod export;
 pub mod live;
 pub mod model;

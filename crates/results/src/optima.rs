@@ -1,19 +1,25 @@
 //! The optima of a campaign with their verification, and which of them is recommended.
 
 use problem::Approach;
-use problem::formulation::{Constraint, Problem};
+use problem::formulation::{Constraint, Measured, Problem};
+use serde::{Deserialize, Serialize};
 use stages::names;
 use stages::optima::{self, Optimum};
 use stages::verification::Verification;
-use stats::Verified;
+use stats::{Samples, Verified};
 use store::Store;
+
+use crate::estimate::Estimate;
+use crate::number::percent;
 
 /// An optimum with its verification.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifiedOptimum {
     pub optimum: Optimum,
-    /// Empty without a design.
+    /// The constraints on deterministic responses; empty without a design.
     pub constraints: Vec<Constraint>,
+    /// The constraints on measures of samples; empty until all verification samples are there.
+    pub limits: Vec<VerifiedLimit>,
     /// The verification samples in the store; `None` without a design.
     pub verification: Option<Verification>,
     /// The verified measure with its 95 % interval; `None` until all samples are there.
@@ -24,11 +30,77 @@ pub struct VerifiedOptimum {
     pub behind: Option<Verified>,
 }
 
-impl VerifiedOptimum {
-    /// The verification samples; empty without a design.
+/// A constraint on a measure of samples, judged by verification samples.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct VerifiedLimit {
+    /// The constraint's name.
+    pub constraint: String,
+    /// The measure as a phrase, such as P(stress > 400 MPa).
+    pub measure: String,
+    /// Its unit; empty for a probability.
+    pub unit: String,
+    /// The verified value with its 95 % interval.
+    #[serde(flatten)]
+    pub value: Estimate,
+    /// The relation that the value must have to the limit, ≤ or ≥.
+    pub relation: String,
+    /// The limit.
+    pub limit: f64,
+    /// Whether the value keeps the limit.
+    pub holds: bool,
+    /// The confidence with which the samples show that it does; absent if they are too few.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub confidence: Option<f64>,
+}
+
+impl VerifiedLimit {
+    fn of(measured: &Measured, samples: &Samples) -> Option<Self> {
+        let limit = measured.limit()?;
+        let value = measured.verified(samples).ok()?;
+        let relation = measured.relation();
+        Some(Self {
+            constraint: measured.quantity.name.to_string(),
+            measure: measured.title(),
+            unit: measured.limit_unit().to_owned(),
+            value: value.into(),
+            relation: relation.sign().to_owned(),
+            limit,
+            holds: measured.keeps_limit(value.value),
+            confidence: measured.confidence(samples),
+        })
+    }
+
+    /// Whether the samples show with a confidence of 95 % that the limit is kept.
     #[must_use]
-    pub fn samples(&self) -> &[f64] {
-        self.verification.as_ref().map_or(&[], |v| &v.samples)
+    pub fn is_shown(&self) -> bool {
+        self.confidence.is_some_and(|confidence| confidence >= 0.95)
+    }
+
+    /// The confidence in words.
+    #[must_use]
+    pub fn confidence_in_words(&self) -> String {
+        match self.confidence {
+            _ if !self.holds => "broken".to_owned(),
+            None => "too few samples to tell".to_owned(),
+            // The search for the level ends there.
+            Some(confidence) if confidence > 0.9998 => "holds, confidence above 99.9 %".to_owned(),
+            Some(confidence) => format!("holds, confidence {}", percent(confidence)),
+        }
+    }
+}
+
+impl VerifiedOptimum {
+    /// The verification samples; `None` without a design.
+    #[must_use]
+    pub fn samples(&self) -> Option<&Samples> {
+        self.verification.as_ref().map(|one| &one.samples)
+    }
+
+    /// What the verification samples count as in the measure that is optimised; empty without a design.
+    #[must_use]
+    pub fn values(&self, problem: &Problem) -> Vec<f64> {
+        let samples = self.samples();
+        samples.map_or_else(Vec::new, |samples| problem.objective().values(samples))
     }
 }
 
@@ -52,7 +124,7 @@ impl Optima {
             let verification = match optimum.found {
                 Ok(_) => {
                     let point = names::verification(optimum.approach);
-                    Some(Verification::read(store, problem.campaign(), point).await?)
+                    Some(Verification::read(store, problem, point).await?)
                 }
                 Err(_) => None,
             };
@@ -64,26 +136,38 @@ impl Optima {
     /// Ranks optima, which are in the order of Table 5.
     #[must_use]
     pub fn new(problem: &Problem, optima: Vec<(Optimum, Option<Verification>)>) -> Self {
-        let sampling = &problem.campaign().sampling;
-        let mut all: Vec<VerifiedOptimum> = optima
-            .into_iter()
-            .map(|(optimum, verification)| VerifiedOptimum {
+        let verified = |(optimum, verification): (Optimum, Option<Verification>)| {
+            let samples = verification
+                .as_ref()
+                .filter(|verification| verification.is_complete())
+                .map(|verification| &verification.samples);
+            let limits = samples.map_or_else(Vec::new, |samples| {
+                let limited = problem.limited().iter();
+                limited
+                    .filter_map(|measured| VerifiedLimit::of(measured, samples))
+                    .collect()
+            });
+            VerifiedOptimum {
                 constraints: match &optimum.found {
-                    Ok(found) => problem.constraints(&found.criteria),
+                    Ok(found) => {
+                        let criteria = problem.with_limited(&found.criteria, &[]);
+                        problem.constraints(&criteria)
+                    }
                     Err(_) => Vec::new(),
                 },
-                measure: verification
-                    .as_ref()
-                    .filter(|verification| verification.is_complete())
-                    .and_then(|verification| sampling.verified(&verification.samples).ok()),
+                limits,
+                measure: samples.and_then(|samples| problem.objective().verified(samples).ok()),
                 behind: None,
                 optimum,
                 verification,
-            })
-            .collect();
+            }
+        };
+        let mut all: Vec<VerifiedOptimum> = optima.into_iter().map(verified).collect();
         let ranked = all.iter().zip(0..).filter_map(|(optimum, place)| {
             let cost = problem.cost(optimum.measure?.value);
-            let is_feasible = optimum.optimum.feasible().is_some();
+            let is_feasible = optimum.optimum.feasible().is_some()
+                && optimum.limits.len() == problem.limited().len()
+                && optimum.limits.iter().all(|limit| limit.holds);
             (is_feasible && is_ranked(problem, optimum.optimum.approach) && cost.is_finite())
                 .then_some((cost, place))
         });
@@ -92,7 +176,7 @@ impl Optima {
         let ranking: Vec<usize> = ranked.into_iter().map(|(_, place)| place).collect();
         if let Some((&best, others)) = ranking.split_first() {
             for &other in others {
-                all[other].behind = behind(problem, all[other].samples(), all[best].samples());
+                all[other].behind = behind(problem, &all[other], &all[best]);
             }
         }
         Self { all, ranking }
@@ -110,8 +194,8 @@ impl Optima {
         self.all.iter()
     }
 
-    /// The ranked optima, the best first: feasible, with all verification samples, and of an approach that
-    /// moves the variables of the DoE.
+    /// The ranked optima, the best first: feasible, with all verification samples, whose measures keep their limits, and of
+    /// an approach that moves the variables of the DoE.
     pub fn ranked(&self) -> impl Iterator<Item = &VerifiedOptimum> {
         self.ranking.iter().map(|&place| &self.all[place])
     }
@@ -121,6 +205,35 @@ impl Optima {
     pub fn recommended(&self) -> Option<&VerifiedOptimum> {
         self.ranked().next()
     }
+
+    /// Constraints on samples that the recommended design is not shown to keep, and optima that break one, in sentences.
+    #[must_use]
+    pub fn doubts(&self, problem: &Problem) -> Vec<String> {
+        let mut doubts = Vec::new();
+        let open = self.recommended().map_or(&[][..], |best| &best.limits);
+        for limit in open.iter().filter(|limit| !limit.is_shown()) {
+            doubts.push(format!(
+                "The verification samples of the recommended design do not show with a confidence of 95 % that {} {} {} \
+                 ({}): more of them (verify.samples) show whether it does.",
+                limit.measure,
+                limit.relation,
+                limit.limit,
+                limit.confidence_in_words()
+            ));
+        }
+        for verified in self.iter().filter(|one| one.optimum.feasible().is_some()) {
+            let broken = verified.limits.iter().filter(|limit| !limit.holds);
+            let broken: Vec<&str> = broken.map(|limit| &*limit.constraint).collect();
+            if !broken.is_empty() {
+                doubts.push(format!(
+                    "The optimum of “{}” is not ranked: its verification samples break {}.",
+                    problem.approach_name(verified.optimum.approach),
+                    broken.join(", ")
+                ));
+            }
+        }
+        doubts
+    }
 }
 
 /// Whether an approach moves the variables that the DoE moves, so that its design is comparable with the others'.
@@ -129,9 +242,10 @@ pub fn is_ranked(problem: &Problem, approach: Approach) -> bool {
     problem.dimension_of(approach) == problem.dimension()
 }
 
-/// The difference between the measures of `samples` and `best`, positive if `best` is better.
-fn behind(problem: &Problem, samples: &[f64], best: &[f64]) -> Option<Verified> {
-    let difference = problem.campaign().sampling.difference(samples, best)?;
+/// The difference between the measures of two optima, positive if `best` is better.
+fn behind(problem: &Problem, other: &VerifiedOptimum, best: &VerifiedOptimum) -> Option<Verified> {
+    let (other, best) = (other.samples()?, best.samples()?);
+    let difference = problem.objective().difference(other, best)?;
     let as_cost = |(low, high)| {
         let (a, b) = (problem.cost(low), problem.cost(high));
         (a.min(b), a.max(b))
@@ -183,6 +297,7 @@ mod tests {
                     cost: Cost::default(),
                     note: String::new(),
                 };
+                let samples = Samples::from(samples);
                 let wanted = samples.len();
                 (optimum, Some(Verification { samples, wanted }))
             });

@@ -9,6 +9,7 @@ use problem::Campaign;
 use problem::formulation::Problem;
 use stages::cost::{infill_calls, sampling_calls};
 use stages::fitting::{ModelSummary, latest_model};
+use stats::Samples;
 use store::{
     CampaignRow, CriteriaRow, DesignRow, FailureRow, InfillRow, OptimiserRunRow, ResponseRow,
     RoundRow, Store,
@@ -61,7 +62,9 @@ impl Snapshot {
         if problem.campaign().compares_with_paper() {
             for place in Place::all() {
                 let stream = StreamId::point(place.number());
-                printed.insert(place, store.values_of(stream).await?);
+                let samples = store.first_samples_of(stream).await?;
+                let values = samples.map(|samples| problem.objective().values(&samples));
+                printed.insert(place, values.unwrap_or_default());
             }
         }
         let mut responses = store.responses().await?;
@@ -74,6 +77,9 @@ impl Snapshot {
             )),
             None => None,
         };
+        let optima = Optima::read(store, &problem).await?;
+        let mut doubts = doubts::of(store, &problem).await?;
+        doubts.extend(optima.doubts(&problem));
         Ok(Self {
             campaign: store.campaign().await?,
             designs: store.designs().await?,
@@ -83,13 +89,13 @@ impl Snapshot {
             rounds: store.rounds().await?,
             samples: store.progress().await?.samples,
             samples_digest: store.samples_digest().await?,
-            optima: Optima::read(store, &problem).await?,
+            optima,
             runs: store.optimiser_runs().await?,
             model,
             printed,
             failures: store.failures().await?,
             costs: Times::read(store, &problem).await?.stages(),
-            doubts: doubts::of(store, &problem).await?,
+            doubts,
             problem,
         })
     }
@@ -97,7 +103,7 @@ impl Snapshot {
     /// The measure's name: P90.
     #[must_use]
     pub fn measure_name(&self) -> String {
-        self.problem.measured().name.into_owned()
+        self.problem.measured().name.to_string()
     }
 
     /// Number of designs that the simulator gives numbers for.
@@ -129,9 +135,10 @@ impl Snapshot {
         let sampling = sampling_calls(&self.criteria, self.samples);
         // An approach that rests on the DoE counts its calls as its own; here they count once.
         let optimising: u64 = self.runs.iter().map(|run| run.simulator_calls).sum();
-        let verified = self.optima.iter().map(VerifiedOptimum::samples);
-        let printed = self.printed.values().map(Vec::as_slice);
-        let verifying: usize = verified.chain(printed).map(<[f64]>::len).sum();
+        let verified = self.optima.iter().filter_map(VerifiedOptimum::samples);
+        let verified = verified.map(Samples::len);
+        let printed = self.printed.values().map(Vec::len);
+        let verifying: usize = verified.chain(printed).sum();
         let enriching = infill_calls(&self.problem, &self.rounds, &self.infill);
         sampling + optimising + enriching + verifying as u64
     }

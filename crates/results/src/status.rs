@@ -8,9 +8,10 @@ use ledger::Kind;
 use serde::{Deserialize, Serialize};
 use stages::optima::NoOptimum;
 use stages::stage::Stage;
-use stats::Verified;
 
 pub use self::reading::read;
+use crate::estimate::Estimate;
+use crate::optima::VerifiedLimit;
 use crate::running::{Backlog, Live, Running};
 
 /// The object that `coordinator status --json` prints.
@@ -175,34 +176,13 @@ pub struct OptimumStatus {
     /// The measure of the verification samples, once all are there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measure: Option<Estimate>,
+    /// The constraints on measures of samples, once all verification samples are there.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub limits: Vec<VerifiedLimit>,
     /// The measure less that of the best optimum, not negative but for the interval; absent for the best one,
     /// and for an approach that moves other variables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub behind: Option<Estimate>,
-}
-
-/// A measure or a difference of two, with its 95 % confidence interval, in the status's unit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Estimate {
-    /// The estimate.
-    pub value: f64,
-    /// Lower end of the interval; absent if the samples are too few for one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub low: Option<f64>,
-    /// Upper end of the interval; absent if the samples are too few for one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub high: Option<f64>,
-}
-
-impl From<Verified> for Estimate {
-    fn from(estimate: Verified) -> Self {
-        let (low, high) = estimate.interval.unzip();
-        Self {
-            value: estimate.value,
-            low,
-            high,
-        }
-    }
 }
 
 impl Status {

@@ -2,11 +2,11 @@
 
 use problem::formulation::Problem;
 use problem::optimise::{RunResult, Solution};
-use problem::simulator::State;
-use problem::{Approach, Criteria, Design};
-use store::{CriteriaRow, DesignRow, OptimiserRunRow, ResponseRow};
+use problem::{Approach, Design};
+use store::{CriteriaRow, OptimiserRunRow};
 
 use crate::cost::Cost;
+use crate::doe::Doe;
 use crate::names;
 use crate::optima::{NoOptimum, Optimum};
 
@@ -80,23 +80,20 @@ pub fn choose_run(
 
 /// Chooses the best design of the DoE that satisfies every constraint, with its worn pressure.
 #[must_use]
-pub fn choose_of_doe(
-    problem: &Problem,
-    base: &Design,
-    designs: &[DesignRow],
-    criteria: &[CriteriaRow],
-    responses: &[ResponseRow],
-    cost: Cost,
-) -> Optimum {
+pub fn choose_of_doe(problem: &Problem, base: &Design, doe: &Doe, cost: Cost) -> Optimum {
+    let Doe {
+        designs,
+        criteria,
+        responses,
+        ..
+    } = doe;
+    let mut feasible = doe.feasible(problem, base);
     let mut best: Option<Solution> = None;
     for response in responses.iter().filter(|row| row.measure.is_finite()) {
         let better = best
             .as_ref()
             .is_none_or(|found| problem.cost(response.measure) < problem.cost(found.criterion));
-        let (Some(row), true) = (designs.get(response.design as usize), better) else {
-            continue;
-        };
-        if let Some((design, criteria)) = feasible(problem, base, row, criteria) {
+        if better && let Some((design, criteria)) = feasible.remove(&response.design) {
             best = Some(Solution {
                 design,
                 criterion: response.measure,
@@ -129,23 +126,6 @@ pub fn choose_of_doe(
         cost,
         note: note.to_owned(),
     }
-}
-
-/// A design of the DoE with its criteria, the worn pressure among them, if it satisfies every constraint.
-#[must_use]
-pub fn feasible(
-    problem: &Problem,
-    base: &Design,
-    row: &DesignRow,
-    criteria: &[CriteriaRow],
-) -> Option<(Design, Criteria)> {
-    let design = problem.design(&row.x, base);
-    let of_design = criteria.iter().find(|one| one.design == row.design)?;
-    let responses = of_design.responses.as_ref()?;
-    let analysis = problem.analysis(&design, responses, State::Baseline)?;
-    problem
-        .is_feasible(&analysis.criteria)
-        .then_some((design, analysis.criteria))
 }
 
 /// The outcome of an approach for which there is no model, with the reason.

@@ -20,6 +20,7 @@ use problem::simulator::State;
 use problem::task::{Candidate, Inputs, Source};
 use store::{CriteriaRow, DesignRow, EvaluationRow, InfillRow, Store};
 
+use crate::doe;
 use crate::infill::{MORE, bits, violation};
 use crate::state::VerifyPoint;
 
@@ -115,27 +116,14 @@ pub(crate) struct Models {
 impl Models {
     /// Fits a model to each criterion at the evaluated designs.
     pub(crate) fn fit(problem: &Problem, evaluated: &[(Vec<f64>, Criteria)]) -> Self {
-        let campaign = problem.campaign();
         let x: Vec<f64> = evaluated.iter().flat_map(|(x, _)| x).copied().collect();
         let exact = vec![0.0; evaluated.len()];
-        let options = FitOptions {
-            kernel: problem.campaign().kriging.kernel,
-            seed: campaign.seed,
-            starts: 5,
-            ..FitOptions::default()
-        };
         let fit = |criterion: usize| {
             let values = evaluated.iter().map(|(_, all)| all.values()[criterion]);
-            let data = Data {
-                x: &x,
-                d: problem.dimension(),
-                y: &values.collect::<Vec<_>>(),
-                noise_variance: &exact,
-            };
-            kriging::fit(&data, &options).ok()
+            fitted(problem, &x, &values.collect::<Vec<_>>(), &exact)
         };
         Self {
-            models: (0..problem.criteria().len()).map(fit).collect(),
+            models: (0..problem.deterministic().len()).map(fit).collect(),
         }
     }
 
@@ -148,6 +136,81 @@ impl Models {
             .map(|model| Some(model.as_ref()?.mean(x)))
             .collect();
         ExactCriteria::from(means.map_or(0.0, |means| violation(problem, &Criteria::new(means))))
+    }
+}
+
+/// A model of a constrained quantity with these values and variances at the designs `x`, row after row; `None` if the data
+/// have none.
+fn fitted(problem: &Problem, x: &[f64], y: &[f64], noise_variance: &[f64]) -> Option<Model> {
+    let options = FitOptions {
+        kernel: problem.campaign().kriging.kernel,
+        seed: problem.campaign().seed,
+        starts: 5,
+        ..FitOptions::default()
+    };
+    let d = problem.dimension();
+    let data = Data {
+        x,
+        d,
+        y,
+        noise_variance,
+    };
+    kriging::fit(&data, &options).ok()
+}
+
+/// Models of the measures that constraints limit, in their order.
+pub(crate) struct LimitedModels {
+    /// `None` for a measure that cannot be modelled.
+    models: Vec<Option<Model>>,
+}
+
+impl LimitedModels {
+    /// Fits a model to each measure from its estimates, with their variances, at the designs `x`.
+    pub(crate) fn fit<'a>(
+        problem: &Problem,
+        estimated: impl Iterator<Item = (&'a [f64], &'a [(f64, f64)])> + Clone,
+    ) -> Self {
+        let fit = |number: usize| {
+            let of_number = estimated.clone().filter_map(|(x, all)| {
+                let (value, variance) = *all.get(number)?;
+                value.is_finite().then_some((x, value, variance))
+            });
+            let (mut x, mut y, mut noise) = (Vec::new(), Vec::new(), Vec::new());
+            for (of, value, variance) in of_number {
+                x.extend_from_slice(of);
+                y.push(value);
+                noise.push(variance);
+            }
+            fitted(problem, &x, &y, &noise)
+        };
+        Self {
+            models: (0..problem.limited().len()).map(fit).collect(),
+        }
+    }
+
+    /// The values by which the constraints are judged at a sampled design. A measure without a model is judged by its own
+    /// estimate.
+    pub(crate) fn bounds(
+        &self,
+        problem: &Problem,
+        x: &[f64],
+        estimates: &[(f64, f64)],
+    ) -> Vec<f64> {
+        let of = self.models.iter().zip(estimates).map(|(model, own)| {
+            let predicted = model.as_ref().map(|model| model.predict(x));
+            predicted.map_or(*own, |predicted| (predicted.mean, predicted.variance))
+        });
+        doe::bounds(problem, &of.collect::<Vec<_>>())
+    }
+
+    /// The probability that a design keeps all limits; those of measures without a model are not counted.
+    pub(crate) fn probability(&self, problem: &Problem, x: &[f64]) -> f64 {
+        let limited = problem.limited().iter().zip(&self.models);
+        let each = limited.filter_map(|(measured, model)| {
+            let predicted = model.as_ref()?.predict(x);
+            measured.probability(predicted.mean, predicted.variance)
+        });
+        each.product()
     }
 }
 

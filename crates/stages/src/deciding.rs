@@ -10,63 +10,61 @@ use anyhow::Context as _;
 use enrich::{Decision, ExactCriteria, Infill, Note, Reason, RoundRecord, SampledDesign, State};
 use problem::Criteria;
 use problem::file::ControlVariate;
-use problem::formulation::{Design, Problem};
+use problem::formulation::{Design, Measured, Problem};
 use problem::simulator;
 use rayon::prelude::*;
+use stats::Samples;
 use stats::streams::Purpose;
 use store::{
-    CriteriaRow, DesignRow, EvaluationRow, InfillRow, ModelRow, NewRound, ResponseRow, RoundRow,
-    Store, UnsampledPoint,
+    CriteriaRow, EvaluationRow, InfillRow, ModelRow, NewRound, ResponseRow, RoundRow, Store,
+    UnsampledPoint,
 };
 
-use crate::constraints;
+use crate::constraints::{self, LimitedModels};
+use crate::doe::Doe;
 use crate::fitting::{self, Observation};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
 use crate::linear::LinearResponse;
-use crate::names;
 use crate::plausibility::Plausibility;
-use crate::responses::{self, Samples};
-use crate::snapshot::{infill_samples, response_counts};
+use crate::responses::{self, Controlled};
+use crate::snapshot::{design_samples, infill_samples, response_counts};
 
 /// The rows of the store that a round is decided from.
 #[derive(Debug, Default)]
 pub struct Rows {
-    designs: Vec<DesignRow>,
-    criteria: Vec<CriteriaRow>,
-    responses: Vec<ResponseRow>,
+    doe: Doe,
     /// Number of samples behind each response.
     counts: BTreeMap<u64, u64>,
     rounds: Vec<RoundRow>,
     infill: Vec<InfillRow>,
     /// The samples of every infill point that has all of them, none of them absurd.
-    samples: BTreeMap<u64, Vec<f64>>,
-    /// The infill points that count as failed because of an absurd sample, with the sample.
-    absurd: BTreeMap<u64, (usize, f64)>,
+    samples: BTreeMap<u64, Samples>,
+    /// The infill points that count as failed because of an absurd sample, with the reason.
+    absurd: BTreeMap<u64, String>,
     /// The samples of the designs at which infill points lie.
-    of_designs: BTreeMap<u64, Vec<f64>>,
+    of_designs: BTreeMap<u64, Samples>,
     /// Evaluations of infill points by an external program.
     evaluations: BTreeMap<u64, EvaluationRow>,
 }
 
 impl Rows {
     pub async fn read(store: &Store, problem: &Problem) -> anyhow::Result<Self> {
-        let sampling = &problem.campaign().sampling;
         let mut rows = Self {
-            designs: store.designs().await?,
-            criteria: store.criteria().await?,
-            responses: store.responses().await?,
-            counts: response_counts(store, sampling).await?,
+            doe: Doe::read(store).await?,
+            counts: response_counts(store, problem).await?,
             rounds: store.rounds().await?,
             infill: store.infill().await?,
             ..Self::default()
         };
         let plausibility = Plausibility::read(store).await?;
         for row in &rows.infill {
-            let held = infill_samples(store, row).await?;
+            let (_, held) = infill_samples(store, problem, row).await?;
             if held.len() as u64 == row.samples {
-                let held: Vec<f64> = held.into_values().collect();
                 match plausibility.absurd(problem, &held) {
-                    Some(absurd) => rows.absurd.insert(row.infill, absurd).map(drop),
+                    Some((sample, name, value)) => {
+                        let why = format!("{name} of sample {sample} is {value:?}");
+                        rows.absurd.insert(row.infill, why).map(drop)
+                    }
                     None => rows.samples.insert(row.infill, held).map(drop),
                 };
             }
@@ -75,12 +73,13 @@ impl Rows {
             }
         }
         let sampled: BTreeSet<Vec<u64>> = rows.infill.iter().map(|row| bits(&row.x)).collect();
-        for design in &rows.designs {
+        for design in &rows.doe.designs {
             if sampled.contains(&bits(&design.x)) {
                 let count = rows.counts.get(&design.design).copied().unwrap_or(0);
-                let held = store.values_of(names::design(design.design)).await?;
-                let held = held.into_iter().take(count as usize);
-                rows.of_designs.insert(design.design, held.collect());
+                let held = design_samples(store, problem, design.design).await?;
+                let mut counted = Samples::none(held.width());
+                counted.extend(&held, count as usize);
+                rows.of_designs.insert(design.design, counted);
             }
         }
         Ok(rows)
@@ -88,14 +87,11 @@ impl Rows {
 
     /// The infill points of the last round that count as failed because of an absurd sample: a sentence each.
     #[must_use]
-    pub fn absurd(&self, problem: &Problem) -> Vec<String> {
+    pub fn absurd(&self) -> Vec<String> {
         let is_new = |row: &&InfillRow| !row.failed;
         let sentence = |row: &InfillRow| {
-            let (sample, value) = self.absurd.get(&row.infill)?;
-            let (infill, name) = (row.infill, &problem.sampled().name);
-            Some(format!(
-                "infill point {infill} is left out: {name} of sample {sample} is {value:?}"
-            ))
+            let why = self.absurd.get(&row.infill)?;
+            Some(format!("infill point {} is left out: {why}", row.infill))
         };
         let new = self.infill.iter().filter(is_new);
         new.filter_map(sentence).collect()
@@ -127,8 +123,8 @@ impl Rows {
 
     /// The designs whose criteria are known, with their criteria.
     fn evaluated(&self, problem: &Problem, base: &Design) -> Vec<(Vec<f64>, Criteria)> {
-        let of_doe = self.criteria.iter().filter_map(|row| {
-            let design = self.designs.get(row.design as usize)?;
+        let of_doe = self.doe.criteria.iter().filter_map(|row| {
+            let design = self.doe.designs.get(row.design as usize)?;
             let criteria = constraints::of_design(problem, base, design, row)?;
             Some((design.x.clone(), criteria))
         });
@@ -142,6 +138,7 @@ impl Rows {
     /// Number of samples asked for so far.
     fn asked(&self) -> u64 {
         let of_doe = self
+            .doe
             .responses
             .iter()
             .filter_map(|r| self.counts.get(&r.design));
@@ -151,17 +148,23 @@ impl Rows {
     }
 
     /// All known responses as an enrichment's state: one entry per place, the designs of the DoE
-    /// first.
-    fn state(&self, problem: &Problem, base: &Design) -> State {
-        let criteria: BTreeMap<u64, &CriteriaRow> =
-            self.criteria.iter().map(|row| (row.design, row)).collect();
+    /// first. The measures that constraints limit enter its violations.
+    fn state(&self, problem: &Problem, base: &Design) -> Known {
+        let criteria: BTreeMap<u64, &CriteriaRow> = self
+            .doe
+            .criteria
+            .iter()
+            .map(|row| (row.design, row))
+            .collect();
+        let of_doe = self.doe.estimates(problem);
+        let mut estimates: Vec<Vec<(f64, f64)>> = Vec::new();
         let mut sampled: Vec<SampledDesign> = Vec::new();
         // The samples of places with more than the samples of one design's response, with the names
         // of their random streams.
         let mut pooled: BTreeMap<usize, Vec<Stream<'_>>> = BTreeMap::new();
         let mut places: BTreeMap<Vec<u64>, usize> = BTreeMap::new();
-        for response in &self.responses {
-            let Some(design) = self.designs.get(response.design as usize) else {
+        for response in &self.doe.responses {
+            let Some(design) = self.doe.designs.get(response.design as usize) else {
                 continue;
             };
             let x = &design.x;
@@ -180,11 +183,12 @@ impl Rows {
                 continue;
             }
             if let Some(held) = self.of_designs.get(&response.design) {
-                let stream = (Purpose::Wear, response.design, held.as_slice());
+                let stream = (Purpose::Wear, response.design, held);
                 pooled.insert(sampled.len(), vec![stream]);
             }
             places.insert(bits(x), sampled.len());
             let samples = self.counts.get(&response.design).copied().unwrap_or(0);
+            estimates.push(of_doe.get(&response.design).cloned().unwrap_or_default());
             sampled.push(SampledDesign {
                 x: x.clone(),
                 samples: u32::try_from(samples).unwrap_or(u32::MAX),
@@ -196,6 +200,7 @@ impl Rows {
         }
         for row in self.infill.iter().filter(|row| !row.failed) {
             let place = *places.entry(bits(&row.x)).or_insert_with(|| {
+                estimates.push(Vec::new());
                 sampled.push(SampledDesign {
                     x: row.x.to_vec(),
                     samples: 0,
@@ -207,37 +212,58 @@ impl Rows {
                 sampled.len() - 1
             });
             if let Some(drawn) = self.samples.get(&row.infill) {
-                let stream = (Purpose::Verify, row.number, drawn.as_slice());
+                let stream = (Purpose::Verify, row.number, drawn);
                 pooled.entry(place).or_default().push(stream);
             }
         }
-        let responses: Vec<(usize, usize, Option<ResponseRow>, Option<f64>)> = pooled
+        let responses: Vec<(usize, usize, Vec<ResponseRow>, Option<f64>)> = pooled
             .par_iter()
             .map(|(&place, streams)| {
                 let x = &sampled[place].x;
-                let (count, row) = pool(problem, base, x, streams);
+                let (count, rows) = pool(problem, base, x, streams);
                 let baseline = infill::baseline_at_um(problem, &problem.design(x, base));
-                (place, count, row, baseline)
+                (place, count, rows, baseline)
             })
             .collect();
-        for (place, count, row, baseline) in responses {
+        for (place, count, rows, baseline) in responses {
             let entry = &mut sampled[place];
             if let Some(baseline) = baseline {
                 entry.baseline = baseline;
             }
             entry.samples = u32::try_from(count).unwrap_or(u32::MAX);
-            if let Some(row) = row {
+            if let Some((row, limited)) = rows.split_first() {
                 entry.response = problem.cost(row.measure);
                 entry.variance = row.measure_variance;
+                let limited = limited
+                    .iter()
+                    .map(|row| (row.measure, row.measure_variance));
+                estimates[place] = limited.collect();
             }
+        }
+        let estimated = sampled.iter().map(|one| &*one.x);
+        let estimated = estimated.zip(estimates.iter().map(Vec::as_slice));
+        let limited = LimitedModels::fit(problem, estimated);
+        let mut bounds = BTreeMap::new();
+        for (entry, own) in sampled.iter_mut().zip(&estimates) {
+            let of_entry = limited.bounds(problem, &entry.x, own);
+            entry.violation += problem.limited_violation(&of_entry);
+            if of_entry.len() < problem.limited().len() {
+                // Without an estimate nothing shows that the limits are kept.
+                entry.violation += 1.0;
+            }
+            bounds.insert(bits(&entry.x), of_entry);
         }
         let failed = self.infill.iter().filter(|row| row.has_failed());
         let failed = failed.map(|row| &row.x);
         // The coordinator itself knows which gear pairs can be simulated.
         let is_told = constraints::are_asked(problem);
-        let refused = self.criteria.iter().filter(|row| is_told && !row.simulable);
-        let refused = refused.filter_map(|row| Some(&self.designs.get(row.design as usize)?.x));
-        State {
+        let refused = self
+            .doe
+            .criteria
+            .iter()
+            .filter(|row| is_told && !row.simulable);
+        let refused = refused.filter_map(|row| Some(&self.doe.designs.get(row.design as usize)?.x));
+        let state = State {
             failed: refused
                 .chain(failed)
                 .filter(|x| !places.contains_key(&bits(x)))
@@ -245,7 +271,21 @@ impl Rows {
                 .collect(),
             sampled,
             rounds: self.rounds.iter().map(|round| self.record(round)).collect(),
+        };
+        Known {
+            state,
+            limited,
+            bounds,
         }
+    }
+
+    /// The values by which the constraints on samples are judged at a sampled design.
+    pub fn limited_at(&self, problem: &Problem, base: &Design, x: &[f64]) -> Vec<f64> {
+        if problem.limited().is_empty() {
+            return Vec::new();
+        }
+        let mut known = self.state(problem, base);
+        known.bounds.remove(&bits(x)).unwrap_or_default()
     }
 
     fn record(&self, round: &RoundRow) -> RoundRecord {
@@ -259,8 +299,7 @@ impl Rows {
 
     /// The model of the DoE and all infill points, as the campaign's `[kriging]` says.
     fn fit(&self, problem: &Problem, base: &Design, state: &State) -> anyhow::Result<ModelRow> {
-        let (designs, criteria) = (&self.designs, &self.criteria);
-        let mut all = fitting::of_doe(problem, base, designs, &self.responses, criteria);
+        let mut all = fitting::of_doe(problem, base, &self.doe, 0);
         let mut places: BTreeMap<Vec<u64>, usize> = (0..)
             .zip(&all)
             .map(|(place, observed)| (bits(&observed.x), place))
@@ -268,7 +307,7 @@ impl Rows {
         for row in &self.infill {
             places.entry(bits(&row.x)).or_insert_with(|| {
                 all.push(Observation {
-                    number: designs.len() as u64 + row.infill,
+                    number: self.doe.designs.len() as u64 + row.infill,
                     x: row.x.clone(),
                     value: f64::NAN,
                     variance: 0.0,
@@ -287,7 +326,7 @@ impl Rows {
             }
         }
         let (model, summary) = fitting::fit(problem, &all)?;
-        fitting::model_row(ModelRow::ENRICHED, &model, &summary)
+        fitting::model_row(ModelRow::ENRICHED, 0, &model, &summary)
     }
 
     /// Decides the next round; its CPU time is left zero.
@@ -303,13 +342,16 @@ impl Rows {
         let left = u64::from(section.samples).saturating_sub(self.asked());
         // At most the budget, which has 32 bits.
         let options = options(problem, section, left as u32)?;
-        let state = self.state(problem, base);
+        let Known { state, limited, .. } = self.state(problem, base);
         let calls = Cell::new(0);
         let models = constraints::are_asked(problem)
             .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));
         let exact = |x: &[f64]| -> Option<ExactCriteria> {
             if let Some(models) = &models {
-                return Some(models.known(problem, x));
+                return Some(ExactCriteria {
+                    holds: limited.probability(problem, x),
+                    ..models.known(problem, x)
+                });
             }
             let (known, took) = infill::known(problem, &problem.design(x, base))?;
             calls.set(calls.get() + took);
@@ -390,23 +432,30 @@ impl Rows {
     }
 }
 
-/// Samples and the name of their random streams.
-type Stream<'a> = (Purpose, u64, &'a [f64]);
+/// All known responses of an enrichment.
+struct Known {
+    state: State,
+    limited: LimitedModels,
+    /// The values by which constraints on samples are judged at each place.
+    bounds: BTreeMap<Vec<u64>, Vec<f64>>,
+}
 
-/// The number of samples at a place, and the response from all of them.
+/// Samples and the name of their random streams.
+type Stream<'a> = (Purpose, u64, &'a Samples);
+
+/// The number of samples at a place, and all measures of them; none if one of them has no estimate.
 fn pool(
     problem: &Problem,
     base: &Design,
     x: &[f64],
     streams: &[Stream<'_>],
-) -> (usize, Option<ResponseRow>) {
-    let sampling = problem.campaign().sampling;
-    let values: Vec<f64> = streams
-        .iter()
-        .flat_map(|(_, _, held)| *held)
-        .copied()
-        .collect();
-    let linear = (sampling.control == ControlVariate::Linearised)
+) -> (usize, Vec<ResponseRow>) {
+    let mut samples = Samples::none(problem.sampled().len());
+    for (_, _, held) in streams {
+        samples.extend(held, usize::MAX);
+    }
+    let is_controlled = problem.campaign().sampling.control == ControlVariate::Linearised;
+    let linear = is_controlled
         .then(|| LinearResponse::of(problem.gears()?, &problem.design(x, base)).ok())
         .flatten();
     let control = linear.map(|linear| {
@@ -416,14 +465,18 @@ fn pool(
         let controls: Vec<f64> = streams.iter().flat_map(of_stream).collect();
         (controls, linear.moments())
     });
-    let samples = Samples {
-        values: &values,
-        control: control
-            .as_ref()
-            .map(|(controls, known)| (&controls[..], *known)),
+    let row = |measured: &Measured| {
+        let values = measured.values(&samples);
+        let controlled = Controlled {
+            values: &values,
+            control: control
+                .as_ref()
+                .map(|(controls, known)| (&controls[..], *known)),
+        };
+        responses::response(0, controlled, measured.sampling())
     };
-    let row = responses::response(0, samples, &sampling);
-    (values.len(), row.ok())
+    let rows: Result<Vec<ResponseRow>, _> = problem.measures().iter().map(row).collect();
+    (samples.len(), rows.unwrap_or_default())
 }
 
 const fn reason_name(reason: Reason) -> &'static str {

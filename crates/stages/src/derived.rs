@@ -17,7 +17,6 @@
 use std::fmt::Write as _;
 
 use ledger::{Generation, Kind, StreamId};
-use problem::file::Sampling;
 use problem::formulation::{Approach, Design, Problem};
 use problem::task::{Inputs, Run, Source};
 use serde::Serialize;
@@ -91,10 +90,16 @@ impl Digest {
         self.with(&serde_json::to_string(settings).expect("plain numbers and names serialise"))
     }
 
-    /// Adds the number of samples, their estimator and their measure.
-    fn with_sampling(self, sampling: &Sampling) -> Self {
-        self.with_settings(sampling)
-            .with_settings(&sampling.objective)
+    /// Adds the number of samples, their estimator and their measures.
+    fn with_sampling(self, problem: &Problem) -> Self {
+        let sampling = self.with_settings(problem.objective().sampling());
+        problem
+            .measures()
+            .iter()
+            .fold(sampling, |digest, measured| {
+                let objective = &measured.sampling().objective;
+                digest.with_settings(&(objective, measured.limit()))
+            })
     }
 
     fn with_base(mut self, base: Option<&Design>) -> Self {
@@ -167,18 +172,19 @@ impl<'a> Dependencies<'a> {
     pub(crate) fn model(&self) -> Option<&'a Derivation> {
         let inputs = self.model_inputs()?;
         let held = self.derivation(&DerivedResult::Model)?;
-        let is_held = held.failure.is_some() || self.state.model.is_some();
+        let is_held = held.failure.is_some() || !self.state.models.is_empty();
         (is_held && (!self.is_known() || held.inputs == inputs)).then_some(held)
     }
 
     /// A run of an optimiser, once its inputs are known.
     pub(crate) fn run(&self, approach: Approach, start: u32) -> Option<Run> {
-        let (base, model) = match approach {
-            Approach::Nominal => (self.problem.base().clone(), None),
-            Approach::Baseline | Approach::Direct => (self.base.clone()?, None),
+        let (base, models) = match approach {
+            Approach::Nominal => (self.problem.base().clone(), Vec::new()),
+            Approach::Baseline | Approach::Direct => (self.base.clone()?, Vec::new()),
             _ => {
-                let model = self.model().and(self.state.model.clone())?;
-                (self.base.clone()?, Some(model))
+                let fitted = self.model().filter(|model| model.failure.is_none());
+                let models = fitted.map(|_| self.state.models.clone())?;
+                (self.base.clone()?, models)
             }
         };
         // The first search on the model begins at the DoE's best design under it.
@@ -189,7 +195,7 @@ impl<'a> Dependencies<'a> {
             approach,
             start,
             base,
-            model,
+            models,
             from,
         })
     }
@@ -226,7 +232,7 @@ impl<'a> Dependencies<'a> {
         }
         let is_known = self.is_known();
         let has_model =
-            self.state.model.is_some() || self.derivation(&DerivedResult::Model).is_some();
+            !self.state.models.is_empty() || self.derivation(&DerivedResult::Model).is_some();
         if is_known && has_model && self.model().is_none() {
             outdated.push(DerivedResult::Model);
         }
@@ -274,7 +280,7 @@ impl<'a> Dependencies<'a> {
     pub(crate) fn responses_inputs(&self) -> String {
         Digest::new("responses")
             .with(&self.state.samples)
-            .with_sampling(&self.problem.campaign().sampling)
+            .with_sampling(self.problem)
             .with_base(self.base.as_ref())
             .hex()
     }
@@ -287,7 +293,7 @@ impl<'a> Dependencies<'a> {
             .with(&self.state.criteria)
             .with_base(self.base.as_ref())
             .with_settings(&campaign.kriging)
-            .with_sampling(&campaign.sampling);
+            .with_sampling(self.problem);
         Some(digest.hex())
     }
 
@@ -338,7 +344,7 @@ impl<'a> Dependencies<'a> {
             .with(&self.state.criteria)
             .with_settings(&campaign.enrichment)
             .with_settings(&campaign.kriging)
-            .with_sampling(&campaign.sampling)
+            .with_sampling(self.problem)
             .with_base(self.base.as_ref());
         let mut all = vec![first.hex()];
         for results in &self.state.enrichment.rounds {

@@ -1,11 +1,12 @@
-//! The kriging model of P90.
+//! The kriging models of the measures.
 
-use kriging::{Data, Error, Guidance, Names, Surrogate};
-use problem::formulation::{Design, Problem};
+use anyhow::Context as _;
+use kriging::{Data, Error, Guidance, Names, Response, Settings, Surrogate};
+use problem::formulation::{Design, Measured, Problem};
 use serde::{Deserialize, Serialize};
-use store::{CriteriaRow, DesignRow, ModelRow, ResponseRow, Store};
+use store::{ModelRow, ResponseRow, Store};
 
-use crate::choosing;
+use crate::doe::Doe;
 
 /// The summary of a fitted model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -94,34 +95,74 @@ pub struct Observation {
     pub is_feasible: bool,
 }
 
-/// The responses of the DoE.
+/// The measure with this number, of the designs of the DoE.
 #[must_use]
-pub fn of_doe(
-    problem: &Problem,
-    base: &Design,
-    designs: &[DesignRow],
-    responses: &[ResponseRow],
-    criteria: &[CriteriaRow],
-) -> Vec<Observation> {
+pub fn of_doe(problem: &Problem, base: &Design, doe: &Doe, number: u64) -> Vec<Observation> {
     let samples = u64::from(problem.campaign().sampling.samples_per_design);
-    let observed = responses.iter().filter_map(|response| {
-        let row = designs.get(response.design as usize)?;
+    let feasible = doe.feasible(problem, base);
+    let of_number = |row: &&ResponseRow| row.number == number;
+    let responses = doe.responses.iter().chain(&doe.limited).filter(of_number);
+    let observed = responses.filter_map(|response| {
+        let row = doe.designs.get(response.design as usize)?;
         Some(Observation {
             number: row.design,
             x: row.x.clone(),
             value: response.measure,
             variance: response.measure_variance,
             samples,
-            is_feasible: choosing::feasible(problem, base, row, criteria).is_some(),
+            is_feasible: feasible.contains_key(&row.design),
         })
     });
     observed.collect()
 }
 
-/// Fits the kriging model of P90 as the campaign's `[kriging]` says; `cpu_seconds` is left zero.
+/// Fits a model to every measure, that of the objective first, as rows named `name`. The first summary is the
+/// objective's.
+pub fn fit_all(
+    problem: &Problem,
+    base: &Design,
+    doe: &Doe,
+    name: &str,
+) -> anyhow::Result<Vec<(ModelRow, ModelSummary)>> {
+    let fit_one = |(number, measured): (u64, &Measured)| {
+        let observed = of_doe(problem, base, doe, number);
+        let settings = problem.campaign().kriging.settings(problem.campaign().seed);
+        let settings = match number {
+            0 => settings,
+            // A constraint's measure may be negative.
+            _ => Settings {
+                response: Response::Plain,
+                ..settings
+            },
+        };
+        let fitted = fit_with(problem, &observed, &settings);
+        let (model, summary) = fitted.with_context(|| match number {
+            0 => measured.title(),
+            _ => format!(
+                "constraint {}, {}",
+                measured.quantity.name,
+                measured.title()
+            ),
+        })?;
+        let row = model_row(name, number, &model, &summary)?;
+        Ok((row, summary))
+    };
+    (0..).zip(problem.measures()).map(fit_one).collect()
+}
+
+/// Fits the kriging model of the objective as the campaign's `[kriging]` says; `cpu_seconds` is left zero.
 pub fn fit(
     problem: &Problem,
     observed: &[Observation],
+) -> anyhow::Result<(Surrogate, ModelSummary)> {
+    let settings = problem.campaign().kriging.settings(problem.campaign().seed);
+    fit_with(problem, observed, &settings)
+}
+
+fn fit_with(
+    problem: &Problem,
+    observed: &[Observation],
+    settings: &Settings,
 ) -> anyhow::Result<(Surrogate, ModelSummary)> {
     let campaign = problem.campaign();
     let d = problem.dimension();
@@ -142,7 +183,6 @@ pub fn fit(
     let own: Vec<f64> = points.iter().map(|point| point.variance).collect();
     let samples: Vec<f64> = points.iter().map(|point| point.samples as f64).collect();
     let freedom = campaign.sampling.degrees_of_freedom();
-    let settings = campaign.kriging.settings(campaign.seed);
     let noise = settings.noise;
     let noise = noise.variances(&x, d, own, &samples, freedom, campaign.seed)?;
     let data = Data {
@@ -153,7 +193,7 @@ pub fn fit(
     };
     let number = |observation: usize| points[observation].number;
     let model =
-        Surrogate::fit(&data, &settings).map_err(|error| explained(problem, error, number))?;
+        Surrogate::fit(&data, settings).map_err(|error| explained(problem, error, number))?;
     let feasible: Vec<&Observation> = observed.iter().filter(|point| point.is_feasible).collect();
     let means = model.means(&variables(&feasible))?;
     let best = means.into_iter().zip(feasible);
@@ -236,14 +276,16 @@ fn explained(problem: &Problem, error: Error, number: impl Fn(usize) -> u64) -> 
     }
 }
 
-/// The row named `name` of a fitted model.
+/// The row named `name` of a model fitted to the measure with this number.
 pub fn model_row(
     name: &str,
+    number: u64,
     model: &Surrogate,
     summary: &ModelSummary,
 ) -> anyhow::Result<ModelRow> {
     Ok(ModelRow {
         name: name.to_owned(),
+        number,
         json: model.to_json()?,
         summary_json: serde_json::to_string(summary)?,
     })
@@ -254,6 +296,7 @@ mod tests {
     use super::*;
     use crate::designs;
     use problem::Campaign;
+    use store::DesignRow;
 
     fn observed(row: &DesignRow, value: f64, variance: f64) -> Observation {
         Observation {

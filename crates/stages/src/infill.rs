@@ -103,6 +103,7 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(ExactCriteria, u64)>
         let known = ExactCriteria {
             violation: 0.0,
             baseline: 0.0,
+            holds: 1.0,
         };
         return Some((known, 0));
     };
@@ -120,6 +121,7 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(ExactCriteria, u64)>
     let known = ExactCriteria {
         violation: violation(problem, &criteria.into()),
         baseline: worn.delta_ste_um,
+        holds: 1.0,
     };
     // Archard's wear rests on the unworn analysis.
     Some((known, 2))

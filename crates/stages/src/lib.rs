@@ -28,6 +28,7 @@ pub mod cost;
 pub mod deciding;
 pub mod derived;
 pub mod designs;
+pub mod doe;
 pub mod fitting;
 pub mod infill;
 pub mod linear;

@@ -5,8 +5,9 @@
 //! nothing about its design: the design then gets no response. One that is far, but may come from a heavy tail
 //! or stand for a failed run, is reported and counts.
 
-use problem::formulation::Problem;
+use problem::formulation::{Problem, Quantity};
 use serde::{Deserialize, Serialize};
+use stats::Samples;
 use store::{DerivedResult, Store};
 
 /// Distance in scales from which a sample is reported.
@@ -31,7 +32,9 @@ pub struct Outlier {
     pub design: u64,
     /// Index of the sample.
     pub sample: u64,
-    /// The sample.
+    /// Index of the response.
+    pub response: usize,
+    /// Its value.
     pub value: f64,
     /// Whether the design has no response because of it.
     pub is_excluded: bool,
@@ -40,13 +43,13 @@ pub struct Outlier {
 /// What is known about the plausibility of the samples of the DoE.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plausibility {
-    /// The scale; `None` if there are no samples, or if all are 0.
-    pub scale: Option<Scale>,
-    /// The farthest sample of each design that has a doubtful one, in the order of the designs.
+    /// The scale of each response; `None` if all its samples are 0. Empty if no response has one.
+    pub scales: Vec<Option<Scale>>,
+    /// The farthest sample of each response and design that has a doubtful one, in the order of the designs.
     pub outliers: Vec<Outlier>,
 }
 
-/// A design's samples, as far as their plausibility depends on them.
+/// A design's samples of one response, as far as their plausibility depends on them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Summary {
     design: u64,
@@ -106,24 +109,31 @@ impl Scale {
 }
 
 impl Plausibility {
-    /// The plausibility of the samples of these designs, which are in order.
-    pub(crate) fn of(designs: &[Summary]) -> Self {
-        let scale = Scale::of(designs);
-        let farthest = |one: &Summary| {
-            let scale = scale?;
-            let [low, high] = one.extremes.map(|(_, value)| scale.distance(value));
-            let (sample, value) = one.extremes[usize::from(high > low)];
-            (low.max(high) >= DOUBTFUL).then(|| Outlier {
-                design: one.design,
-                sample,
-                value,
-                is_excluded: scale.is_absurd(value),
-            })
-        };
-        Self {
-            scale,
-            outliers: designs.iter().filter_map(farthest).collect(),
+    /// The plausibility of samples: for each response the designs, which are in order.
+    pub(crate) fn of(responses: &[Vec<Summary>]) -> Self {
+        let mut this = Self::default();
+        for (response, designs) in responses.iter().enumerate() {
+            let scale = Scale::of(designs);
+            let farthest = |one: &Summary| {
+                let scale = scale?;
+                let [low, high] = one.extremes.map(|(_, value)| scale.distance(value));
+                let (sample, value) = one.extremes[usize::from(high > low)];
+                (low.max(high) >= DOUBTFUL).then(|| Outlier {
+                    design: one.design,
+                    sample,
+                    response,
+                    value,
+                    is_excluded: scale.is_absurd(value),
+                })
+            };
+            this.outliers.extend(designs.iter().filter_map(farthest));
+            this.scales.push(scale);
         }
+        if this.scales.iter().all(Option::is_none) {
+            this.scales.clear();
+        }
+        this.outliers.sort_by_key(|one| one.design);
+        this
     }
 
     /// Reads what was found when the stored responses were computed.
@@ -145,15 +155,26 @@ impl Plausibility {
         outliers.any(|one| one.design == design && one.is_excluded)
     }
 
-    /// The first of these samples that says nothing about its design, with its index.
+    /// The first of these samples that says nothing about its design: its index, the name of the response and the value.
     #[must_use]
-    pub fn absurd(&self, problem: &Problem, samples: &[f64]) -> Option<(usize, f64)> {
-        let is_absurd = |value: f64| {
-            let is_far = self.scale.is_some_and(|scale| scale.is_absurd(value));
-            problem.check_sample(value).is_err() || is_far
+    pub fn absurd<'p>(
+        &self,
+        problem: &'p Problem,
+        samples: &Samples,
+    ) -> Option<(usize, &'p str, f64)> {
+        let is_far = |response: usize, value: f64| {
+            let scale = self.scales.get(response).copied().flatten();
+            scale.is_some_and(|scale| scale.is_absurd(value))
         };
-        let mut samples = samples.iter().copied().enumerate();
-        samples.find(|(_, value)| is_absurd(*value))
+        let mut rows = samples.rows().enumerate();
+        rows.find_map(|(sample, row)| {
+            let refused = problem.check_sample(row).err().map(|(name, _)| name);
+            let mut named = problem.sampled().iter().zip(row).enumerate();
+            let found = named.find(|(response, (quantity, value))| {
+                refused == Some(&*quantity.name) || is_far(*response, **value)
+            });
+            found.map(|(_, (quantity, value))| (sample, &*quantity.name, *value))
+        })
     }
 
     /// A sentence on the designs without a response, and one on the others with a doubtful sample.
@@ -169,14 +190,14 @@ impl Plausibility {
         let excluded = named(true).map(|designs| {
             format!(
                 "Designs that the model and the optima leave out, because of an absurd sample: {designs}. Mend the \
-                 program or limit the response ([response] min and max), remove the samples of each with \
+                 program or limit the response (min and max of [[responses]]), remove the samples of each with \
                  `coordinator discard --db FILE --design N --yes`, and give the same command again."
             )
         });
         let doubtful = named(false).map(|designs| {
             format!(
                 "Samples a million times farther from the median than samples usually scatter, which count all the \
-                 same: {designs}. If they are faults of the program, [response] min and max make them failures."
+                 same: {designs}. If they are faults of the program, min and max of [[responses]] make them failures."
             )
         });
         excluded.into_iter().chain(doubtful).collect()
@@ -187,19 +208,19 @@ impl Plausibility {
 const NAMED: usize = 5;
 
 fn listed(problem: &Problem, outliers: &[&Outlier]) -> String {
-    let quantity = problem.sampled();
-    let unit = match &*quantity.unit {
-        "" => String::new(),
-        unit => format!(" {unit}"),
-    };
     let named = outliers.iter().take(NAMED).map(|one| {
         let Outlier {
             design,
             sample,
+            response,
             value,
             ..
         } = one;
-        let name = &quantity.name;
+        let Quantity { name, unit } = &problem.sampled()[*response];
+        let unit = match &**unit {
+            "" => String::new(),
+            unit => format!(" {unit}"),
+        };
         format!("design {design} ({name} of sample {sample} is {value:?}{unit})")
     });
     let more = outliers.len().saturating_sub(NAMED);
@@ -226,7 +247,7 @@ mod tests {
     fn found(designs: &[Vec<f64>]) -> Plausibility {
         let summaries = (0..).zip(designs);
         let summaries = summaries.filter_map(|(design, of)| Summary::of(design, of, 30));
-        Plausibility::of(&summaries.collect::<Vec<_>>())
+        Plausibility::of(&[summaries.collect()])
     }
 
     #[test]

@@ -11,10 +11,10 @@ use store::{DesignRow, ResponseRow};
 
 use crate::linear::LinearResponse;
 
-/// A design's samples, with their control variate if there is one.
+/// What a design's samples count as, with their control variate if there is one.
 #[derive(Debug, Clone, Copy)]
-pub struct Samples<'a> {
-    /// ΔSTE, µm: the samples from the first on, without a hole.
+pub struct Controlled<'a> {
+    /// The values of the samples from the first on, without a hole: for a gear pair ΔSTE, µm.
     pub values: &'a [f64],
     /// The control variate's value for each sample, and its moments.
     pub control: Option<(&'a [f64], stats::Control)>,
@@ -50,7 +50,7 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
         });
     }
     loop {
-        let row = response(0, Samples::plain(&samples[..count]), sampling)?;
+        let row = response(0, Controlled::plain(&samples[..count]), sampling)?;
         let of_normal = match rule.variance {
             VarianceFormula::Taylor => stats::p90_variance,
             VarianceFormula::Exact => stats::exact_p90_variance,
@@ -84,7 +84,7 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
 /// samples.
 pub fn response_of(
     design: u64,
-    samples: Samples<'_>,
+    samples: Controlled<'_>,
     settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
     let group = match settings.coefficients() {
@@ -94,6 +94,7 @@ pub fn response_of(
     let estimate = stats::grouped_p90(samples.values, group, settings.normal().z)?;
     Ok(ResponseRow {
         design,
+        number: 0,
         mean: estimate.mean,
         standard_deviation: estimate.sd,
         measure: estimate.p90,
@@ -105,10 +106,10 @@ pub fn response_of(
 /// The response of one design from independent samples.
 pub fn response(
     design: u64,
-    samples: Samples<'_>,
+    samples: Controlled<'_>,
     settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
-    let Samples { values, control } = samples;
+    let Controlled { values, control } = samples;
     // Without random wear the control is constant, and of no use.
     if let Some((controls, known)) = control
         && known.sd > 0.0
@@ -116,6 +117,7 @@ pub fn response(
         let estimate = stats::control_variate_p90(values, controls, known, settings.normal().z)?;
         return Ok(ResponseRow {
             design,
+            number: 0,
             mean: estimate.mean,
             standard_deviation: estimate.sd,
             measure: estimate.p90,
@@ -126,6 +128,7 @@ pub fn response(
     let choice = settings.estimate(values)?;
     Ok(ResponseRow {
         design,
+        number: 0,
         mean: choice.normal.mean,
         standard_deviation: choice.normal.sd,
         measure: choice.chosen.value,
@@ -135,7 +138,7 @@ pub fn response(
     })
 }
 
-impl<'a> Samples<'a> {
+impl<'a> Controlled<'a> {
     /// Samples without a control variate.
     #[must_use]
     pub const fn plain(values: &'a [f64]) -> Self {
@@ -233,7 +236,12 @@ mod tests {
             sufficiency(&samples(enough, 0.35), &precise),
             Ok(Sufficiency::Enough(enough))
         );
-        let row = response(0, Samples::plain(&samples(enough, 0.35)), &sampling(None)).unwrap();
+        let row = response(
+            0,
+            Controlled::plain(&samples(enough, 0.35)),
+            &sampling(None),
+        )
+        .unwrap();
         assert!(row.measure_variance.sqrt() <= 0.1, "{row:?}");
         // Samples that came early change nothing.
         assert_eq!(
@@ -255,7 +263,7 @@ mod tests {
                 estimator: Some(percentile),
                 ..sampling(None)
             };
-            response(3, Samples::plain(&skewed), &settings).unwrap()
+            response(3, Controlled::plain(&skewed), &settings).unwrap()
         };
         let (paper, normal, chosen) = (
             of(EstimatorRule::Paper),
@@ -318,7 +326,7 @@ mod tests {
                     let Ok(Output::Design { samples, .. }) = &output else {
                         panic!("the paper's design can be simulated")
                     };
-                    let samples = Samples::plain(samples);
+                    let samples = Controlled::plain(samples.values());
                     response_of(0, samples, &campaign.sampling).unwrap()
                 })
                 .collect();
@@ -363,7 +371,7 @@ mod tests {
             .collect();
         let controls = controls(&problem, (Purpose::Wear, 7), linear, values.len());
         let of = |count: usize, control: bool| {
-            let samples = Samples {
+            let samples = Controlled {
                 values: &values[..count],
                 control: control.then_some((&controls[..count], linear.moments())),
             };
@@ -421,7 +429,7 @@ mod tests {
                 let rows: Vec<ResponseRow> = rows
                     .map(|(values, controls)| {
                         let control = controlled.then_some((controls, linear.moments()));
-                        response(7, Samples { values, control }, &settings).unwrap()
+                        response(7, Controlled { values, control }, &settings).unwrap()
                     })
                     .collect();
                 let found: Vec<f64> = rows.iter().map(|row| row.measure).collect();

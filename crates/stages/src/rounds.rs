@@ -33,13 +33,14 @@ impl Round {
     }
 }
 
-/// The design that the last round recommends; `evaluated` are its criteria if only an
-/// external program knows them.
+/// The design that the last round recommends; `evaluated` are its deterministic criteria if only an
+/// external program knows them, and `limited` the values by which constraints on samples are judged.
 pub fn recommended(
     problem: &Problem,
     base: &Design,
     last: &Round,
     evaluated: Option<Criteria>,
+    limited: &[f64],
     cost: Cost,
 ) -> anyhow::Result<Optimum> {
     let approach = Approach::EnrichedKriging;
@@ -64,9 +65,10 @@ pub fn recommended(
     let design = problem.design(&best.x, base);
     let criteria = match problem.gears() {
         Some(_) => problem.prepare(&design)?.analyse(State::Baseline)?.criteria,
-        None if problem.criteria().is_empty() => Criteria::new(Vec::new()),
+        None if problem.deterministic().is_empty() => Criteria::new(Vec::new()),
         None => evaluated.context("the recommended design was never evaluated")?,
     };
+    let criteria = problem.with_limited(&criteria, limited);
     let found = Solution {
         design,
         criterion: best.predicted,

@@ -14,6 +14,7 @@ use problem::formulation::Problem;
 use problem::optimise::{Answer, Candidate, RunResult, Search};
 use problem::simulator::Analysis;
 use problem::task::{self, Inputs, Run, Source};
+use stats::Samples;
 use store::{EvaluationRow, Store};
 
 /// The searches of a campaign.
@@ -121,7 +122,10 @@ impl Searches {
             }
             let numbers = u64::from(held.first)..;
             let answers = numbers.zip(&held.candidates);
-            let answers = answers.map(|(number, _)| rows.remove(&number).and_then(answer));
+            let answers = answers.map(|(number, _)| {
+                let row = rows.remove(&number)?;
+                answer(problem, row)
+            });
             let answers: Vec<Option<Answer>> = answers.collect();
             let goes_on = held.search.answered(problem, &held.candidates, answers);
             if !goes_on.map_err(anyhow::Error::msg)? {
@@ -156,7 +160,7 @@ fn wanted(
 }
 
 /// The answer in a row; `None` for a design that cannot be simulated.
-fn answer(row: EvaluationRow) -> Option<Answer> {
+fn answer(problem: &Problem, row: EvaluationRow) -> Option<Answer> {
     let criteria = Criteria::new(row.criteria?);
     Some(Answer {
         analysis: Analysis {
@@ -164,7 +168,9 @@ fn answer(row: EvaluationRow) -> Option<Answer> {
             criteria,
         },
         worn: row.worn_criteria.map(Criteria::new),
-        samples: row.samples.unwrap_or_default(),
+        samples: row
+            .samples
+            .and_then(|values| Samples::new(problem.sampled().len(), values)),
     })
 }
 
@@ -186,7 +192,7 @@ pub fn row(stream: StreamId, evaluation: u32, evaluated: task::Evaluation) -> Ev
             row.value = Some(answer.analysis.value).filter(|value| value.is_finite());
             row.criteria = Some(answer.analysis.criteria.values().to_vec());
             row.worn_criteria = answer.worn.map(|worn| worn.values().to_vec());
-            row.samples = Some(answer.samples).filter(|samples| !samples.is_empty());
+            row.samples = answer.samples.map(Samples::into_values);
         }
         Err(reason) => row.refused = Some(reason),
     }

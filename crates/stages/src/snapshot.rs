@@ -1,11 +1,11 @@
 //! The state of a campaign, read from its store for decisions.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use ledger::StreamId;
-use problem::file::Sampling;
 use problem::formulation::{Approach, Design, Problem};
 use problem::task::{Inputs, Source};
+use stats::Samples;
 use store::{InfillRow, ModelRow, SampleTally, Store};
 
 use crate::constraints;
@@ -45,10 +45,10 @@ pub async fn load(
             .map(|range| range.start as u32..range.end as u32)
             .collect(),
     });
-    let model = store.model(ModelRow::DOE).await?;
+    let models = store.models_named(ModelRow::DOE).await?;
     // A summary that cannot be read has no such design, and the search begins at random.
-    let summary = model
-        .as_ref()
+    let summary = models
+        .first()
         .map(|row| serde_json::from_str::<ModelSummary>(&row.summary_json));
     let mut state = State {
         designs: store.progress().await?.designs as usize,
@@ -57,7 +57,7 @@ pub async fn load(
         criteria: store.criteria_digest().await?,
         derivations: store.derivations().await?,
         best_of_doe: summary.and_then(|read| read.ok()?.best_of_doe),
-        model: model.map(|row| row.json.into()),
+        models: models.into_iter().map(|row| row.json.into()).collect(),
         ..State::default()
     };
     for run in store.optimiser_runs().await? {
@@ -75,7 +75,7 @@ pub async fn load(
         if count > 0 && !is_of(inputs, approach, design.as_ref(), generation) {
             state.stale.insert(approach);
         } else if let Some(design) = &design {
-            let sizes = sizes.of(store, campaign, (point, design), count).await?;
+            let sizes = sizes.of(store, problem, (point, design), count).await?;
             state.verified.insert(approach, sizes);
         }
         state.optima.insert(approach, design);
@@ -83,7 +83,7 @@ pub async fn load(
     for point in references {
         let stream = StreamId::point(point.number);
         let of = (stream, &point.design);
-        let (wanted, stored) = sizes.of(store, campaign, of, count(stream)).await?;
+        let (wanted, stored) = sizes.of(store, problem, of, count(stream)).await?;
         state.reference_points.push(VerifyPoint {
             wanted,
             stored,
@@ -149,7 +149,7 @@ async fn enrichment(
         }
         progress.points.push(VerifyPoint {
             asks_criteria: asks_criteria && evaluation.is_none(),
-            stored: infill_samples(store, &row).await?.keys().copied().collect(),
+            stored: infill_samples(store, problem, &row).await?.0,
             number: row.number,
             design: problem.design(&row.x, base),
             wanted: u32::try_from(row.samples).unwrap_or(u32::MAX),
@@ -158,31 +158,51 @@ async fn enrichment(
     Ok(progress)
 }
 
-/// The samples of a point that were asked for, by index.
+/// The samples of a point that were asked for: their indices, and the samples in the same order.
 pub(crate) async fn infill_samples(
     store: &Store,
+    problem: &Problem,
     row: &InfillRow,
-) -> Result<BTreeMap<u32, f64>, store::Error> {
-    let held = store.samples_of(StreamId::point(row.number)).await?;
-    Ok(held
-        .into_iter()
-        .filter(|(sample, _)| *sample < row.samples)
-        .filter_map(|(sample, value)| Some((u32::try_from(sample).ok()?, value)))
-        .collect())
+) -> Result<(BTreeSet<u32>, Samples), store::Error> {
+    let mut samples = Samples::none(problem.sampled().len());
+    let mut indices = BTreeSet::new();
+    for block in store.blocks_of(StreamId::point(row.number)).await? {
+        for (sample, values) in block.indexed() {
+            if sample < row.samples
+                && let Ok(index) = u32::try_from(sample)
+            {
+                indices.insert(index);
+                samples.push(values);
+            }
+        }
+    }
+    Ok((indices, samples))
+}
+
+/// The samples of a design from the first on, without a hole.
+pub(crate) async fn design_samples(
+    store: &Store,
+    problem: &Problem,
+    design: u64,
+) -> Result<Samples, store::Error> {
+    let held = store.first_samples_of(names::design(design)).await?;
+    Ok(held.unwrap_or_else(|| Samples::none(problem.sampled().len())))
 }
 
 /// Number of samples behind each response, by design. Samples that came before they were needed do
 /// not count.
 pub async fn response_counts(
     store: &Store,
-    settings: &Sampling,
+    problem: &Problem,
 ) -> anyhow::Result<BTreeMap<u64, u64>> {
+    let settings = problem.objective().sampling();
     let mut counts = BTreeMap::new();
     for row in store.responses().await? {
         let count = if settings.rule().is_none() {
             settings.samples_per_design as usize
         } else {
-            let held = store.values_of(names::design(row.design)).await?;
+            let held = design_samples(store, problem, row.design).await?;
+            let held = problem.objective().values(&held);
             match responses::sufficiency(&held, settings)? {
                 Sufficiency::Enough(count) => count,
                 Sufficiency::Wants { at_least, .. } => at_least,
@@ -195,18 +215,15 @@ pub async fn response_counts(
 
 /// The designs with a response that need more samples than others, and how many. There are such
 /// designs after a restart, too, if a campaign went on without those of quarantined designs.
-pub async fn wants_more(store: &Store, settings: &Sampling) -> anyhow::Result<BTreeMap<u64, u64>> {
+pub async fn wants_more(store: &Store, problem: &Problem) -> anyhow::Result<BTreeMap<u64, u64>> {
+    let settings = problem.objective().sampling();
     let mut more = BTreeMap::new();
     if settings.rule().is_none() {
         return Ok(more);
     }
     for row in store.responses().await? {
-        let samples = store.samples_of(names::design(row.design)).await?;
-        let held = samples
-            .iter()
-            .zip(0..)
-            .take_while(|((sample, _), i)| sample == i);
-        let held: Vec<f64> = held.map(|((_, value), _)| *value).collect();
+        let held = design_samples(store, problem, row.design).await?;
+        let held = problem.objective().values(&held);
         if let Sufficiency::Wants { samples, .. } = responses::sufficiency(&held, settings)? {
             more.insert(row.design, samples as u64);
         }

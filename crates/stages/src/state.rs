@@ -57,9 +57,9 @@ pub struct State {
     pub criteria: String,
     /// What the stored results were computed from, by [`store::DerivedResult::name`].
     pub derivations: BTreeMap<String, Derivation>,
-    /// The kriging model as JSON, once fitted.
-    pub model: Option<Arc<str>>,
-    /// The variables of the DoE's best feasible design under that model.
+    /// The kriging models as JSON, once fitted: of the objective, and of the measures that constraints limit.
+    pub models: Vec<Arc<str>>,
+    /// The variables of the DoE's best feasible design under these models.
     pub best_of_doe: Option<Vec<f64>>,
     /// Finished optimiser runs.
     pub runs: BTreeSet<(Approach, u32)>,

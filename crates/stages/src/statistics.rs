@@ -1,16 +1,17 @@
-//! The responses of the DoE, computed from its samples design by design.
+//! The measures of the designs of the DoE, computed from their samples design by design.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::Context as _;
 use ledger::StreamId;
 use problem::formulation::Problem;
+use stats::Samples;
 use stats::streams::Purpose;
 use store::{ResponseRow, SampleBlock};
 
 use crate::linear::LinearResponse;
 use crate::plausibility::{Outlier, Plausibility, Summary};
-use crate::responses::{self, Samples, Sufficiency};
+use crate::responses::{self, Controlled, Sufficiency};
 
 /// The result of a [`Collector`].
 #[derive(Debug, Clone, PartialEq)]
@@ -30,11 +31,11 @@ pub struct Collector<'a> {
     /// Streams that get no more samples.
     quarantined: &'a BTreeSet<StreamId>,
     design: Option<u64>,
-    samples: Vec<f64>,
+    samples: Samples,
     rows: Vec<ResponseRow>,
     wanting: BTreeMap<u64, u64>,
-    /// The plausibility of the samples behind `rows`; empty for the built-in simulator.
-    summaries: Vec<Summary>,
+    /// The plausibility of the samples behind `rows`, for each response; empty for the built-in simulator.
+    summaries: Vec<Vec<Summary>>,
     /// Stored samples that the campaign does not take.
     refused: Vec<Outlier>,
 }
@@ -42,7 +43,7 @@ pub struct Collector<'a> {
 impl<'a> Collector<'a> {
     /// A collector without samples.
     #[must_use]
-    pub const fn new(
+    pub fn new(
         problem: &'a Problem,
         linear: &'a BTreeMap<u64, LinearResponse>,
         quarantined: &'a BTreeSet<StreamId>,
@@ -52,10 +53,10 @@ impl<'a> Collector<'a> {
             linear,
             quarantined,
             design: None,
-            samples: Vec::new(),
+            samples: Samples::none(problem.sampled().len()),
             rows: Vec::new(),
             wanting: BTreeMap::new(),
-            summaries: Vec::new(),
+            summaries: vec![Vec::new(); problem.sampled().len()],
             refused: Vec::new(),
         }
     }
@@ -71,7 +72,7 @@ impl<'a> Collector<'a> {
         // Samples beyond a hole wait until it is filled.
         if block.first_sample == self.samples.len() as u64 {
             let wanted = most.saturating_sub(self.samples.len());
-            self.samples.extend(block.samples.iter().take(wanted));
+            self.samples.extend(&block.samples, wanted);
         }
         Ok(())
     }
@@ -92,30 +93,31 @@ impl<'a> Collector<'a> {
     }
 
     fn close(&mut self) -> anyhow::Result<()> {
-        let mut samples = std::mem::take(&mut self.samples);
+        let none = Samples::none(self.samples.width());
+        let samples = std::mem::replace(&mut self.samples, none);
         if let Some(design) = self.design {
             let computed = self.respond(design, &samples);
             computed.with_context(|| format!("the samples of design {design}"))?;
         }
-        samples.clear();
-        self.samples = samples;
         Ok(())
     }
 
-    /// Computes the response of a design if it has enough samples.
-    fn respond(&mut self, design: u64, samples: &[f64]) -> Result<(), stats::Error> {
-        let settings = &self.problem.campaign().sampling;
+    /// Computes the measures of a design if it has enough samples.
+    fn respond(&mut self, design: u64, samples: &Samples) -> Result<(), stats::Error> {
+        let objective = self.problem.objective();
+        let settings = objective.sampling();
         let first = settings.samples_per_design as usize;
         if samples.len() < first {
             return Ok(());
         }
         // The campaign may have got limits since they were stored.
         let is_external = self.problem.campaign().is_external();
-        let is_refused = |value: &f64| is_external && self.problem.check_sample(*value).is_err();
-        let refused = samples.iter().position(is_refused);
-        let taken = &samples[..refused.unwrap_or(samples.len())];
+        let is_refused = |row: &[f64]| is_external && self.problem.check_sample(row).is_err();
+        let refused = samples.rows().position(is_refused);
+        let mut taken = Samples::none(samples.width());
+        taken.extend(samples, refused.unwrap_or(samples.len()));
         let sufficiency = (taken.len() >= first)
-            .then(|| responses::sufficiency(taken, settings))
+            .then(|| responses::sufficiency(&objective.values(&taken), settings))
             .transpose()?;
         let count = match (sufficiency, refused) {
             (Some(Sufficiency::Enough(count)), _) => count,
@@ -126,12 +128,7 @@ impl<'a> Collector<'a> {
                 at_least
             }
             (_, Some(sample)) => {
-                self.refused.push(Outlier {
-                    design,
-                    sample: sample as u64,
-                    value: samples[sample],
-                    is_excluded: true,
-                });
+                self.refused.extend(self.refusal(design, sample, samples));
                 return Ok(());
             }
             (None, None) => return Ok(()),
@@ -141,19 +138,38 @@ impl<'a> Collector<'a> {
             let values = responses::controls(self.problem, stream, linear, count);
             (values, linear.moments())
         });
-        let samples = Samples {
-            values: &taken[..count],
-            control: control
-                .as_ref()
-                .map(|(values, known)| (&values[..], *known)),
-        };
-        self.rows
-            .push(responses::response_of(design, samples, settings)?);
+        for (number, measured) in (0..).zip(self.problem.measures()) {
+            let values = measured.values(&taken);
+            let control = control.as_ref().filter(|_| number == 0);
+            let samples = Controlled {
+                values: &values[..count],
+                control: control.map(|(values, known)| (&values[..], *known)),
+            };
+            let row = responses::response_of(design, samples, measured.sampling())?;
+            self.rows.push(ResponseRow { number, ..row });
+        }
         if is_external {
-            self.summaries
-                .extend(Summary::of(design, samples.values, first));
+            for (response, summaries) in self.summaries.iter_mut().enumerate() {
+                let values: Vec<f64> = taken.rows().take(count).map(|row| row[response]).collect();
+                summaries.extend(Summary::of(design, &values, first));
+            }
         }
         Ok(())
+    }
+
+    /// A stored sample that the campaign does not take.
+    fn refusal(&self, design: u64, sample: usize, samples: &Samples) -> Option<Outlier> {
+        let row = samples.get(sample)?;
+        let (name, _) = self.problem.check_sample(row).err()?;
+        let mut sampled = self.problem.sampled().iter();
+        let response = sampled.position(|one| one.name == name)?;
+        Some(Outlier {
+            design,
+            sample: sample as u64,
+            response,
+            value: *row.get(response)?,
+            is_excluded: true,
+        })
     }
 
     fn is_quarantined(&self, design: u64) -> bool {
@@ -191,7 +207,7 @@ mod tests {
         vec![SampleBlock {
             stream: StreamId::design(design),
             first_sample: samples.start,
-            samples: samples.map(value).collect(),
+            samples: samples.map(value).collect::<Vec<f64>>().into(),
         }]
     }
 
@@ -236,12 +252,12 @@ mod tests {
         assert_eq!(responses.len(), 2);
     }
 
-    /// An external campaign with these keys of `[response]` and of `[sampling]`.
+    /// An external campaign with these keys of `[[responses]]` and of `[sampling]`.
     fn external(response: &str, sampling: &str) -> Problem {
         let text = include_str!("../../../campaigns/ishigami/campaign.toml");
-        let text = text.replace("[response]\n", &format!("[response]\n{response}\n"));
+        let text = text.replace("[[responses]]\n", &format!("[[responses]]\n{response}\n"));
         let mut campaign = Campaign::parse("c.toml", &text).unwrap();
-        campaign.sampling = problem(None).campaign().sampling;
+        campaign.sampling = problem(None).campaign().sampling.clone();
         campaign.sampling.precision = (!sampling.is_empty()).then_some(0.1);
         campaign.sampling.samples_max = (!sampling.is_empty()).then_some(60);
         Problem::new(campaign)
@@ -261,13 +277,16 @@ mod tests {
             let problem = external(limit, precision);
             let mut held: Vec<SampleBlock> = (0..5).flat_map(|d| blocks(d, 0..10, 0.01)).collect();
             let undisturbed = computed(&problem, &held, &[]);
-            held[2].samples[4] = value;
+            let mut values = held[2].samples.values().to_vec();
+            values[4] = value;
+            held[2].samples = values.into();
             let Outcome::Responses(responses, found) = computed(&problem, &held, &[]) else {
                 panic!("{value:?}: the absurd sample asks for more")
             };
             let outlier = Outlier {
                 design: 2,
                 sample: 4,
+                response: 0,
                 value,
                 is_excluded: true,
             };

@@ -3,20 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use ledger::StreamId;
-use problem::Campaign;
-use problem::formulation::Design;
+use problem::formulation::{Design, Problem};
+use stats::Samples;
 use store::Store;
 
 /// Number of samples that a point with these samples gets. It depends on the campaign and on the first
 /// samples alone, so samples that came early change nothing.
 #[must_use]
-pub fn wanted(campaign: &Campaign, samples: &[f64]) -> u32 {
-    let verify = &campaign.verify;
+pub fn wanted(problem: &Problem, samples: &Samples) -> u32 {
+    let verify = &problem.campaign().verify;
     let first = verify.first();
-    let Some(pilot) = samples.get(..first as usize) else {
+    if samples.len() < first as usize {
         return first;
-    };
-    let pilot = campaign.sampling.verified(pilot);
+    }
+    let mut pilot = Samples::none(samples.width());
+    pilot.extend(samples, first as usize);
+    let pilot = problem.objective().verified(&pilot);
     pilot.map_or(first, |pilot| verify.wanted(&pilot))
 }
 
@@ -24,7 +26,7 @@ pub fn wanted(campaign: &Campaign, samples: &[f64]) -> u32 {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Verification {
     /// The samples, those from the first on.
-    pub samples: Vec<f64>,
+    pub samples: Samples,
     /// Number of samples that the point gets, as far as is known.
     pub wanted: usize,
 }
@@ -33,17 +35,13 @@ impl Verification {
     /// Reads the verification of a point.
     pub async fn read(
         store: &Store,
-        campaign: &Campaign,
+        problem: &Problem,
         point: StreamId,
     ) -> Result<Self, store::Error> {
-        let held = store.samples_of(point).await?;
-        let samples: Vec<f64> = (0..)
-            .zip(held)
-            .take_while(|(index, (sample, _))| index == sample)
-            .map(|(_, (_, value))| value)
-            .collect();
+        let held = store.first_samples_of(point).await?;
+        let samples = held.unwrap_or_else(|| Samples::none(problem.sampled().len()));
         Ok(Self {
-            wanted: wanted(campaign, &samples) as usize,
+            wanted: wanted(problem, &samples) as usize,
             samples,
         })
     }
@@ -65,7 +63,7 @@ impl Sizes {
     pub(crate) async fn of(
         &mut self,
         store: &Store,
-        campaign: &Campaign,
+        problem: &Problem,
         (point, design): (StreamId, &Design),
         count: u64,
     ) -> Result<(u32, BTreeSet<u32>), store::Error> {
@@ -77,18 +75,23 @@ impl Sizes {
         {
             return Ok((wanted, (0..wanted).collect()));
         }
-        let held = store.samples_of(point).await?;
-        let stored: BTreeSet<u32> = held
+        let held = store.blocks_of(point).await?;
+        let indices = held
             .iter()
-            .filter_map(|(sample, _)| u32::try_from(*sample).ok())
+            .flat_map(|block| block.first_sample..block.end());
+        let stored: BTreeSet<u32> = indices
+            .filter_map(|sample| u32::try_from(sample).ok())
             .collect();
-        let first = campaign.verify.first();
+        let first = problem.campaign().verify.first();
         if known.is_none() && !(0..first).all(|sample| stored.contains(&sample)) {
             return Ok((first, stored));
         }
         let wanted = known.unwrap_or_else(|| {
-            let values: Vec<f64> = held.iter().map(|(_, value)| *value).collect();
-            wanted(campaign, &values)
+            let mut samples = Samples::none(problem.sampled().len());
+            for block in &held {
+                samples.extend(&block.samples, usize::MAX);
+            }
+            wanted(problem, &samples)
         });
         self.0.insert(key, wanted);
         Ok((wanted, stored))

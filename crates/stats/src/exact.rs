@@ -27,6 +27,12 @@ pub fn normal_quantile(level: f64) -> f64 {
     }
 }
 
+/// The probability that a standard normal number is at most `z`.
+#[must_use]
+pub fn normal_probability(z: f64) -> f64 {
+    Normal::standard().cdf(z)
+}
+
 /// The exact variance of m + z s for `k` normal samples of variance `sigma2`:
 /// σ² [1/k + z² (1 − c₄²)]. With the unbiased s² in the place of σ² it is unbiased itself.
 ///

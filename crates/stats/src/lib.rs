@@ -28,6 +28,7 @@
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.
 //! - [`order_statistic`]: a percentile and its interval for any continuous distribution, as reported for
 //!   verified designs; [`paired_difference`] compares two of them.
+//! - [`Samples`]: samples of several responses at once.
 //! - [`Measure`]: the measures of a random response (percentile, mean, mean + k sd, mean of a tail, probability), with
 //!   estimates and intervals; [`choose`] estimates one from few samples.
 //! - [`harrell_davis_p90`]: a percentile of samples that are not normal, and its variance;
@@ -64,6 +65,7 @@ mod pooled;
 mod quantile;
 mod rank;
 pub mod reference;
+mod samples;
 mod sensitivity;
 mod sequential;
 pub mod streams;
@@ -76,7 +78,7 @@ pub use coefficients::{
 pub use control::{CONTROL_MIN_SAMPLES, Control, ControlledPercentile, control_variate_p90};
 pub use copula::Copula;
 pub use error::Error;
-pub use exact::{EXACT_Z90, c4, exact_p90_variance, normal_quantile, sd_bias};
+pub use exact::{EXACT_Z90, c4, exact_p90_variance, normal_probability, normal_quantile, sd_bias};
 pub use main_effect::{MAIN_EFFECT_MIN_SAMPLES, main_effect};
 pub use marginal::{Family, Marginal};
 pub use measure::Measure;
@@ -93,6 +95,7 @@ pub use quantile::{
     harrell_davis_p90,
 };
 pub use rank::spearman;
+pub use samples::Samples;
 pub use sensitivity::{
     SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityIndex, SensitivityPlan,
 };

@@ -77,7 +77,10 @@ async fn fill(
                 let blocks = of.clone().map(|design| SampleBlock {
                     stream: StreamId::design(design as u32),
                     first_sample: 0,
-                    samples: (0..samples).map(|i| 1.0 / (i + 1) as f64).collect(),
+                    samples: (0..samples)
+                        .map(|i| 1.0 / (i + 1) as f64)
+                        .collect::<Vec<f64>>()
+                        .into(),
                 });
                 let batch = Batch {
                     samples: blocks.collect(),
@@ -96,7 +99,7 @@ async fn fill(
         samples: vec![SampleBlock {
             stream: StreamId::design(designs as u32),
             first_sample: i,
-            samples: vec![1.0],
+            samples: vec![1.0].into(),
         }],
         ..Batch::default()
     };
@@ -120,7 +123,7 @@ async fn fill(
         samples: vec![SampleBlock {
             stream: StreamId::design((i % designs) as u32),
             first_sample: samples + i / designs,
-            samples: vec![1.0],
+            samples: vec![1.0].into(),
         }],
         times: one_time(2 * SMALL_BATCHES + i).times,
         ..Batch::default()

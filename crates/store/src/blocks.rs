@@ -1,6 +1,7 @@
 //! A block of consecutive samples of one stream: a row of their table.
 
 use ledger::StreamId;
+use stats::Samples;
 
 use crate::Error;
 use crate::row::{Columns, Row};
@@ -13,8 +14,8 @@ pub struct SampleBlock {
     pub stream: StreamId,
     /// Index of the first sample.
     pub first_sample: u64,
-    /// The sampled response. An infinite value stands for a sample that failed.
-    pub samples: Vec<f64>,
+    /// The samples, with a value for each sampled response.
+    pub samples: Samples,
 }
 
 impl SampleBlock {
@@ -25,8 +26,8 @@ impl SampleBlock {
     }
 
     /// The samples with their indices.
-    pub fn indexed(&self) -> impl Iterator<Item = (u64, f64)> {
-        (self.first_sample..self.end()).zip(self.samples.iter().copied())
+    pub fn indexed(&self) -> impl Iterator<Item = (u64, &[f64])> {
+        (self.first_sample..self.end()).zip(self.samples.rows())
     }
 
     /// Refuses samples that SQLite would not return unchanged.
@@ -39,13 +40,21 @@ impl SampleBlock {
                 value: last,
             });
         }
-        match self.indexed().find(|(_, value)| value.is_nan()) {
+        match self
+            .samples
+            .values()
+            .iter()
+            .position(|value| value.is_nan())
+        {
             None => Ok(()),
-            Some((sample, value)) => Err(Error::NotFinite {
-                column: "sample_block.samples".to_owned(),
-                key: format!("sample {sample} of {}", self.stream),
-                value,
-            }),
+            Some(place) => {
+                let sample = self.first_sample + (place / self.samples.width()) as u64;
+                Err(Error::NotFinite {
+                    column: "sample_block.samples".to_owned(),
+                    key: format!("sample {sample} of {}", self.stream),
+                    value: f64::NAN,
+                })
+            }
         }
     }
 }
@@ -73,7 +82,8 @@ impl Row for StoredBlock {
         columns
             .stream(self.block.stream)
             .count("first_sample", self.block.first_sample)
-            .outcomes("samples", &self.block.samples)
+            .count("responses", self.block.samples.width() as u64)
+            .outcomes("samples", self.block.samples.values())
             .option(self.origin.map(i64::cast_unsigned), Columns::bits);
     }
 }

@@ -26,7 +26,7 @@ pub(crate) enum Change {
     /// Replaces all responses.
     Responses(Vec<ResponseRow>, Derivation),
     /// Replaces the model of the DoE, or removes it if the fit has failed.
-    Model(Option<ModelRow>, Derivation),
+    Models(Vec<ModelRow>, Derivation),
     Optimum(Box<OptimumRow>, Derivation),
     Stage(String),
     StageTime(StageTimeRow),
@@ -106,13 +106,13 @@ async fn one(connection: &mut Connection<'_>, change: &Change) -> Result<Receipt
             derived::replace(connection, derivation).await?;
             Ok(Receipt::new(rows.len() as u64))
         }
-        Change::Model(row, derivation) => {
-            match row {
-                Some(row) => models::replace(connection, row).await?,
-                None => models::remove(connection, ModelRow::DOE).await?,
+        Change::Models(rows, derivation) => {
+            models::remove(connection, ModelRow::DOE).await?;
+            for row in rows {
+                models::replace(connection, row).await?;
             }
             derived::replace(connection, derivation).await?;
-            Ok(Receipt::new(row.iter().count() as u64))
+            Ok(Receipt::new(rows.len() as u64))
         }
         Change::Optimum(row, derivation) => {
             optima::replace(connection, row).await?;

@@ -9,7 +9,7 @@ use sqlx::sqlite::{SqliteTypeInfo, SqliteValueRef};
 use sqlx::{Decode, Sqlite, Type};
 
 /// A sum modulo 2²⁵⁶ over samples, each with the SHA-256 of its stream's index and its own as 64-bit
-/// little-endian integers and of the bits of its value, little-endian, read as a
+/// little-endian integers and of the bits of its values, little-endian, read as a
 /// little-endian number.
 ///
 /// A sum does not depend on the order of the samples, and it can be updated sample by sample in the
@@ -25,12 +25,14 @@ pub(crate) struct SamplesDigest {
 }
 
 impl SamplesDigest {
-    pub(crate) fn of(stream: u64, sample: u64, value: f64) -> Self {
-        let mut bytes = [0; 24];
-        bytes[..8].copy_from_slice(&stream.to_le_bytes());
-        bytes[8..16].copy_from_slice(&sample.to_le_bytes());
-        bytes[16..].copy_from_slice(&value.to_bits().to_le_bytes());
-        Self::from_bytes(&Sha256::digest(bytes).into())
+    pub(crate) fn of(stream: u64, sample: u64, values: &[f64]) -> Self {
+        let mut hash = Sha256::new();
+        hash.update(stream.to_le_bytes());
+        hash.update(sample.to_le_bytes());
+        for value in values {
+            hash.update(value.to_bits().to_le_bytes());
+        }
+        Self::from_bytes(&hash.finalize().into())
     }
 
     fn from_bytes(bytes: &[u8; 32]) -> Self {
@@ -115,7 +117,7 @@ mod tests {
     #[test]
     fn one_sample_shows_its_sha_256() {
         // printf '\x01\0\0\0\0\0\0\0\x02\0\0\0\0\0\0\0\0\0\0\0\0\0\xf8\x3f' | sha256sum
-        let digest = SamplesDigest::of(1, 2, 1.5);
+        let digest = SamplesDigest::of(1, 2, &[1.5]);
         assert_eq!(
             digest.to_hex(),
             "67ed80773030edf97eb81715481cff392c429f6a63eecff7d8f5f8ceda2a5229"

@@ -9,7 +9,7 @@ use crate::blocks::Streams;
 use crate::connection::Connection;
 use crate::derived::{self, DerivedResult};
 use crate::values::StreamKey;
-use crate::{criteria, evaluations, failures, origins, runs, samples};
+use crate::{criteria, evaluations, failures, origins, runs, samples, tally};
 
 /// The results to remove.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -54,12 +54,12 @@ pub(crate) async fn discard(
 
 async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<Discarded, Error> {
     let stream = StreamId::design(design);
-    let held = samples::of(connection, stream).await?.len() as u64;
+    let held = tally::one(connection, stream).await?;
     samples::remove(connection, Streams::One(stream)).await?;
     // They are about results that are gone, such as a contradiction of two workers.
     failures::remove_of(connection, stream).await?;
     Ok(Discarded {
-        samples: held,
+        samples: held.map_or(0, |tally| tally.samples),
         criteria: criteria::remove_of_design(connection, design).await?,
         ..Discarded::default()
     })

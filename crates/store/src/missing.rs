@@ -93,7 +93,7 @@ async fn samples(
 ) -> Result<Vec<Range<u64>>, Error> {
     let (design, limit) = (design.cast_signed(), limit(wanted));
     let query = sqlx::query!(
-        r#"SELECT first_sample AS "first: u64", length(samples) / 8 AS "samples!: u64"
+        r#"SELECT first_sample AS "first: u64", length(samples) / (8 * responses) AS "samples!: u64"
            FROM sample_block WHERE stream = ? AND first_sample < ? ORDER BY first_sample"#,
         design,
         limit,

@@ -9,6 +9,8 @@ use crate::row::{self, Columns, Row};
 pub struct ModelRow {
     /// What it was fitted to: [`ModelRow::DOE`] or [`ModelRow::ENRICHED`].
     pub name: String,
+    /// The measure that it is a model of, as in [`ResponseRow`](crate::ResponseRow).
+    pub number: u64,
     /// The whole model, as JSON.
     pub json: String,
     /// A summary of the model, as JSON.
@@ -26,25 +28,26 @@ impl Row for ModelRow {
     const TABLE: &'static str = "model";
 
     fn key(&self) -> String {
-        format!("name {:?}", self.name)
+        format!("name {:?}, number {}", self.name, self.number)
     }
 
     fn add_to(&self, columns: &mut Columns) {
         columns
             .text(&self.name)
+            .count("number", self.number)
             .text(&self.json)
             .text(&self.summary_json);
     }
 }
 
-/// The model with this name, or all models.
+/// The models with this name, or all models, in the order of their numbers.
 pub(crate) async fn named(
     connection: &mut Connection<'_>,
     name: Option<&str>,
 ) -> Result<Vec<ModelRow>, Error> {
     let query = sqlx::query!(
-        "SELECT name, json, summary_json, seal FROM model
-         WHERE ?1 IS NULL OR name = ?1 ORDER BY name",
+        r#"SELECT name, number AS "number: u64", json, summary_json, seal FROM model
+           WHERE ?1 IS NULL OR name = ?1 ORDER BY name, number"#,
         name,
     );
     let rows = connection.all(query).await?;
@@ -52,6 +55,7 @@ pub(crate) async fn named(
         .map(|row| {
             let model = ModelRow {
                 name: row.name,
+                number: row.number,
                 json: row.json,
                 summary_json: row.summary_json,
             };
@@ -60,12 +64,14 @@ pub(crate) async fn named(
         .collect()
 }
 
-/// Stores the model, replacing that of the same name.
+/// Stores the model, replacing that of the same name and number.
 pub(crate) async fn replace(connection: &mut Connection<'_>, row: &ModelRow) -> Result<(), Error> {
     let seal = row::seal(row)?;
+    let number = row.number.cast_signed();
     let query = sqlx::query!(
-        "INSERT OR REPLACE INTO model (name, json, summary_json, seal) VALUES (?, ?, ?, ?)",
+        "INSERT OR REPLACE INTO model (name, number, json, summary_json, seal) VALUES (?, ?, ?, ?, ?)",
         row.name,
+        number,
         row.json,
         row.summary_json,
         seal,

@@ -349,7 +349,7 @@ pub(crate) mod tests {
         let block = SampleBlock {
             stream: StreamId::design(0),
             first_sample: range.start,
-            samples: range.map(|_| 1.0).collect(),
+            samples: range.map(|_| 1.0).collect::<Vec<f64>>().into(),
         };
         Batch {
             samples: vec![block],

@@ -43,7 +43,7 @@ pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<Progress, Er
                       AS "ruled_out!: u64",
                   (SELECT coalesce(sum(samples), 0) FROM sample_tally WHERE stream <= ?1)
                       AS "samples!: u64",
-                  (SELECT count(*) FROM response) AS "responses!: u64",
+                  (SELECT count(*) FROM response WHERE number = 0) AS "responses!: u64",
                   (SELECT count(*) FROM model) AS "models!: u64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: u64",
                   (SELECT count(*) FROM optimum) AS "optima!: u64",

@@ -1,19 +1,21 @@
-//! The sampled responses of designs.
+//! The measures of the samples of designs.
 
 use crate::Error;
 use crate::connection::Connection;
 use crate::row::{self, Columns, Row};
 
-/// The sampled response of a design, which kriging learns from.
+/// A measure of the samples of a design, which kriging learns from.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseRow {
     /// Index of the design.
     pub design: u64,
+    /// Which measure: 0 is the one that is optimised, the others are those of constraints.
+    pub number: u64,
     /// Mean of the samples.
     pub mean: f64,
     /// Standard deviation of the samples.
     pub standard_deviation: f64,
-    /// Estimate of the campaign's measure; infinite if too many samples failed.
+    /// Estimate of the measure; infinite if too many samples failed.
     pub measure: f64,
     /// Variance of that estimate.
     pub measure_variance: f64,
@@ -25,12 +27,16 @@ impl Row for ResponseRow {
     const TABLE: &'static str = "response";
 
     fn key(&self) -> String {
-        format!("design {}", self.design)
+        match self.number {
+            0 => format!("design {}", self.design),
+            number => format!("design {}, number {number}", self.design),
+        }
     }
 
     fn add_to(&self, columns: &mut Columns) {
         columns
             .count("design", self.design)
+            .count("number", self.number)
             .number("mean", self.mean)
             .number("standard_deviation", self.standard_deviation)
             .outcome("measure", self.measure)
@@ -41,15 +47,16 @@ impl Row for ResponseRow {
 
 pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<ResponseRow>, Error> {
     let query = sqlx::query!(
-        r#"SELECT design AS "design: u64", mean, standard_deviation, measure,
+        r#"SELECT design AS "design: u64", number AS "number: u64", mean, standard_deviation, measure,
                   measure_variance, lilliefors_p, seal
-           FROM response ORDER BY design"#
+           FROM response ORDER BY number, design"#
     );
     let rows = connection.all(query).await?;
     rows.into_iter()
         .map(|row| {
             let response = ResponseRow {
                 design: row.design,
+                number: row.number,
                 mean: row.mean,
                 standard_deviation: row.standard_deviation,
                 measure: row.measure,
@@ -69,12 +76,13 @@ pub(crate) async fn replace(
     remove(connection).await?;
     for row in rows {
         let seal = row::seal(row)?;
-        let design = row.design.cast_signed();
+        let [design, number] = [row.design, row.number].map(u64::cast_signed);
         let query = sqlx::query!(
-            "INSERT OR REPLACE INTO response (design, mean, standard_deviation, measure,
+            "INSERT OR REPLACE INTO response (design, number, mean, standard_deviation, measure,
                  measure_variance, lilliefors_p, seal)
-             VALUES (?, ?, ?, ?, ?, ?, ?)",
+             VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
             design,
+            number,
             row.mean,
             row.standard_deviation,
             row.measure,

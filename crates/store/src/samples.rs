@@ -1,10 +1,12 @@
 //! The samples of designs, optima and infill points. A row of their table holds a block of consecutive samples of one
 //! stream.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 
 use ledger::{Kind, StreamId};
+use stats::Samples;
 use tokio_stream::StreamExt as _;
 
 use crate::Error;
@@ -16,19 +18,19 @@ use crate::row::{self, Row};
 use crate::tally::{self, SampleTally, TallyRow};
 use crate::values::{Numbers, StreamKey, bytes, key, number};
 
-/// Maximum number of samples in a row, as the schema also enforces. It bounds the memory of a
+/// Maximum number of values in a row of the table, as the schema also enforces. It bounds the memory of a
 /// reader.
 const LONGEST: usize = 4096;
 
 /// A sample of a batch.
-#[derive(Debug, Clone, Copy)]
-struct Offer {
+#[derive(Debug, Clone)]
+struct Offer<'a> {
     /// The index of the batch's receipt.
     owner: usize,
     origin: Option<i64>,
     stream: StreamId,
     sample: u64,
-    value: f64,
+    values: Cow<'a, [f64]>,
 }
 
 /// Stores the new samples of batches, each given with the index of its receipt and its origin, and updates the tallies.
@@ -41,12 +43,12 @@ pub(crate) async fn insert(
     for (owner, origin, blocks) in batches {
         for block in *blocks {
             block.refuse_unstorable()?;
-            offers.extend(block.indexed().map(|(sample, value)| Offer {
+            offers.extend(block.indexed().map(|(sample, values)| Offer {
                 owner: *owner,
                 origin: *origin,
                 stream: block.stream,
                 sample,
-                value: number(value),
+                values: as_returned(values),
             }));
         }
     }
@@ -74,11 +76,20 @@ pub(crate) async fn insert(
     additions.write(connection).await
 }
 
+/// The values as SQLite returns them.
+fn as_returned(values: &[f64]) -> Cow<'_, [f64]> {
+    let is_changed = |value: &&f64| number(**value).to_bits() != value.to_bits();
+    match values.iter().any(|value| is_changed(&value)) {
+        true => values.iter().copied().map(number).collect(),
+        false => values.into(),
+    }
+}
+
 /// The stored blocks that may have some of these samples of one stream, which are sorted.
 async fn stored(
     connection: &mut Connection<'_>,
     tally: SampleTally,
-    offers: &[Offer],
+    offers: &[Offer<'_>],
 ) -> Result<Vec<SampleBlock>, Error> {
     match offers {
         [first, ..] if first.sample <= tally.last => {
@@ -125,9 +136,18 @@ async fn named(
 /// are sorted.
 fn fresh(
     stored: &[SampleBlock],
-    offers: &[Offer],
+    offers: &[Offer<'_>],
     receipts: &mut [Receipt],
 ) -> Result<Vec<StoredBlock>, (u64, Error)> {
+    let same = |a: &[f64], b: &[f64]| {
+        let bits = |values: &[f64]| {
+            values
+                .iter()
+                .map(|value| value.to_bits())
+                .collect::<Vec<_>>()
+        };
+        a.len() == b.len() && bits(a) == bits(b)
+    };
     let mut stored = stored.iter().flat_map(SampleBlock::indexed).peekable();
     let mut fresh = Vec::new();
     let mut last = None;
@@ -138,12 +158,15 @@ fn fresh(
         {}
         let mut known = stored.peek().into_iter().chain(&last);
         match known.find(|(sample, _)| *sample == offer.sample) {
-            Some((_, value)) if value.to_bits() == offer.value.to_bits() => {
+            Some((_, values)) if same(values, &offer.values) => {
                 receipts[offer.owner].count(false);
             }
-            Some((_, value)) => {
+            Some((_, values)) => {
                 let row = format!("sample {} of {}", offer.sample, offer.stream);
-                let values: [&dyn Debug; 2] = [value, &offer.value];
+                let values: [&dyn Debug; 2] = match (&**values, &*offer.values) {
+                    ([stored], [offered]) => [stored, offered],
+                    _ => [values, &offer.values],
+                };
                 let conflict = Error::conflict(StoredBlock::TABLE, row, values);
                 return Err((offer.sample, conflict));
             }
@@ -152,9 +175,9 @@ fn fresh(
                     &mut fresh,
                     offer.stream,
                     offer.origin,
-                    (offer.sample, offer.value),
+                    (offer.sample, &offer.values),
                 );
-                last = Some((offer.sample, offer.value));
+                last = Some((offer.sample, &*offer.values));
                 receipts[offer.owner].count(true);
             }
         }
@@ -167,23 +190,28 @@ fn append(
     blocks: &mut Vec<StoredBlock>,
     stream: StreamId,
     origin: Option<i64>,
-    (sample, value): (u64, f64),
+    (sample, values): (u64, &[f64]),
 ) {
+    let width = values.len();
+    let continues = |last: &StoredBlock| {
+        let SampleBlock { samples, .. } = &last.block;
+        let is_next = last.origin == origin && last.block.end() == sample;
+        is_next && samples.width() == width && samples.values().len() + width <= LONGEST
+    };
     match blocks.last_mut() {
-        Some(StoredBlock {
-            block,
-            origin: same,
-        }) if *same == origin && block.end() == sample && block.samples.len() < LONGEST => {
-            block.samples.push(value);
+        Some(last) if continues(last) => last.block.samples.push(values),
+        _ => {
+            let mut samples = Samples::none(width);
+            samples.push(values);
+            blocks.push(StoredBlock {
+                block: SampleBlock {
+                    stream,
+                    first_sample: sample,
+                    samples,
+                },
+                origin,
+            });
         }
-        _ => blocks.push(StoredBlock {
-            block: SampleBlock {
-                stream,
-                first_sample: sample,
-                samples: vec![value],
-            },
-            origin,
-        }),
     }
 }
 
@@ -219,7 +247,7 @@ async fn insert_blocks(
     let seals = seals.collect::<Result<Vec<i64>, Error>>()?;
     let rows: Vec<_> = blocks.iter().zip(seals).collect();
     let statement = [
-        "INSERT INTO sample_block (stream, first_sample, samples, seal, origin) ",
+        "INSERT INTO sample_block (stream, first_sample, responses, samples, seal, origin) ",
         "",
     ];
     connection
@@ -228,7 +256,8 @@ async fn insert_blocks(
             values
                 .push_bind(key(block.stream))
                 .push_bind(block.first_sample.cast_signed())
-                .push_bind(bytes(&block.samples))
+                .push_bind(block.samples.width() as i64)
+                .push_bind(bytes(block.samples.values()))
                 .push_bind(*seal)
                 .push_bind(stored.origin);
         })
@@ -246,7 +275,8 @@ async fn between(
     let (first, last) = (first.cast_signed(), last.cast_signed());
     // The first block that may overlap is the last one that begins at or before the first sample.
     let query = sqlx::query!(
-        r#"SELECT first_sample AS "first_sample!: u64", samples AS "samples: Numbers", seal, origin
+        r#"SELECT first_sample AS "first_sample!: u64", responses AS "responses: u32",
+                  samples AS "samples: Numbers", seal, origin
            FROM sample_block
            WHERE stream = ?1 AND first_sample <= ?3 AND first_sample >= coalesce(
                  (SELECT max(first_sample) FROM sample_block
@@ -262,7 +292,7 @@ async fn between(
             let block = SampleBlock {
                 stream,
                 first_sample: row.first_sample,
-                samples: row.samples.0,
+                samples: read(row.responses, row.samples),
             };
             let origin = row.origin;
             Ok(connection
@@ -295,7 +325,7 @@ pub(crate) async fn visit_stored<E: From<Error>>(
     let (first, last) = streams.keys();
     let query = sqlx::query!(
         r#"SELECT stream AS "stream: StreamKey", first_sample AS "first_sample: u64",
-                  samples AS "samples: Numbers", seal, origin
+                  responses AS "responses: u32", samples AS "samples: Numbers", seal, origin
            FROM sample_block WHERE stream BETWEEN ? AND ? ORDER BY stream, first_sample"#,
         first,
         last,
@@ -306,7 +336,7 @@ pub(crate) async fn visit_stored<E: From<Error>>(
         let block = SampleBlock {
             stream: row.stream.0,
             first_sample: row.first_sample,
-            samples: row.samples.0,
+            samples: read(row.responses, row.samples),
         };
         let origin = row.origin;
         let stored = row::check(StoredBlock { block, origin }, row.seal, &path)?;
@@ -319,18 +349,27 @@ pub(crate) async fn visit_stored<E: From<Error>>(
     Ok(moment.commit().await?)
 }
 
-/// The samples of one stream, as (index, value).
+/// The samples of a row of the table. Bytes that were cut within a sample get a value that no row has, which the
+/// row's digest then shows.
+fn read(responses: u32, values: Numbers) -> Samples {
+    let width = (responses as usize).max(1);
+    let mut values = values.0;
+    values.resize(values.len().next_multiple_of(width), f64::NAN);
+    Samples::new(width, values).unwrap_or_else(|| Samples::none(width))
+}
+
+/// The blocks of one stream.
 pub(crate) async fn of(
     connection: &mut Connection<'_>,
     stream: StreamId,
-) -> Result<Vec<(u64, f64)>, Error> {
-    let mut samples = Vec::new();
+) -> Result<Vec<SampleBlock>, Error> {
+    let mut blocks = Vec::new();
     visit(connection, Streams::One(stream), |block| {
-        samples.extend(block.indexed());
+        blocks.push(block.clone());
         Ok::<(), Error>(())
     })
     .await?;
-    Ok(samples)
+    Ok(blocks)
 }
 
 /// Removes the samples of streams and their tallies.
@@ -350,7 +389,8 @@ pub(crate) async fn remove_failed(connection: &mut Connection<'_>) -> Result<u64
     let mut removed = 0;
     for (stream, tally) in tally::all(connection, Streams::All).await? {
         if tally.failed > 0 {
-            let is_kept = |_: Option<i64>, value: f64| value.is_finite();
+            let is_kept =
+                |_: Option<i64>, values: &[f64]| values.iter().all(|value| value.is_finite());
             removed += retain(connection, stream, is_kept).await?;
         }
     }
@@ -368,23 +408,23 @@ pub(crate) async fn remove_from(
     );
     let mut removed = 0;
     for row in connection.all(query).await? {
-        let is_kept = |of, _| of != Some(origin);
+        let is_kept = |of: Option<i64>, _: &[f64]| of != Some(origin);
         removed += retain(connection, row.stream.0, is_kept).await?;
     }
     Ok(removed)
 }
 
-/// Removes the samples of a stream that `is_kept` refuses, given the origin and the value, and returns their number.
+/// Removes the samples of a stream that `is_kept` refuses, given the origin and the values, and returns their number.
 async fn retain(
     connection: &mut Connection<'_>,
     stream: StreamId,
-    is_kept: impl Fn(Option<i64>, f64) -> bool,
+    is_kept: impl Fn(Option<i64>, &[f64]) -> bool,
 ) -> Result<u64, Error> {
     let (mut kept, mut removed) = (Vec::new(), 0);
     visit_stored(connection, Streams::One(stream), |stored| {
-        for (sample, value) in stored.block.indexed() {
-            if is_kept(stored.origin, value) {
-                append(&mut kept, stream, stored.origin, (sample, value));
+        for (sample, values) in stored.block.indexed() {
+            if is_kept(stored.origin, values) {
+                append(&mut kept, stream, stored.origin, (sample, values));
             } else {
                 removed += 1;
             }
@@ -409,7 +449,7 @@ mod tests {
         SampleBlock {
             stream: StreamId::design(0),
             first_sample,
-            samples: samples.to_vec(),
+            samples: samples.to_vec().into(),
         }
     }
 
@@ -448,7 +488,7 @@ mod tests {
             origin: None,
             stream: StreamId::design(0),
             sample,
-            value: sample as f64,
+            values: vec![sample as f64].into(),
         });
         let mut receipts = [Receipt::default(); 2];
         let held = [block(2, &[2.0, 3.0]), block(5, &[5.0])];

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ledger::{History, Kind, StreamId};
+use stats::Samples;
 
 use crate::Error;
 use crate::blocks::{SampleBlock, Streams};
@@ -176,15 +177,26 @@ impl Store {
         missing::work(&mut self.reader().await?, samples_per_design, more).await
     }
 
-    /// The samples of a design, an optimum or an infill point, as (index, value).
-    pub async fn samples_of(&self, stream: StreamId) -> Result<Vec<(u64, f64)>, Error> {
+    /// The blocks of samples of a design, an optimum or an infill point, in order.
+    pub async fn blocks_of(&self, stream: StreamId) -> Result<Vec<SampleBlock>, Error> {
         samples::of(&mut self.reader().await?, stream).await
     }
 
-    /// The values of the samples of a design, an optimum or an infill point, in order of their indices.
-    pub async fn values_of(&self, stream: StreamId) -> Result<Vec<f64>, Error> {
-        let samples = self.samples_of(stream).await?;
-        Ok(samples.into_iter().map(|(_, value)| value).collect())
+    /// The samples of a design, an optimum or an infill point from the first on, up to the first that is missing;
+    /// `None` without any.
+    pub async fn first_samples_of(&self, stream: StreamId) -> Result<Option<Samples>, Error> {
+        let mut first: Option<Samples> = None;
+        for block in self.blocks_of(stream).await? {
+            let held = first.as_ref().map_or(0, Samples::len);
+            if block.first_sample != held as u64 {
+                break;
+            }
+            match &mut first {
+                Some(first) => first.extend(&block.samples, usize::MAX),
+                None => first = Some(block.samples),
+            }
+        }
+        Ok(first)
     }
 
     /// What is known of the samples of each stream that has any, without reading them.
@@ -210,7 +222,7 @@ impl Store {
     ///
     /// It is equal for every run of one campaign file with one version of the program, whatever the
     /// order of the samples. It is the sum modulo 2²⁵⁶ over all samples of the SHA-256 of design
-    /// and sample as 64-bit little-endian integers and of the bits of the value, little-endian. A
+    /// and sample as 64-bit little-endian integers and of the bits of the values, little-endian. A
     /// hash is read as a little-endian number, and the sum is written by its bytes in the same
     /// order, so that the digest of a single sample is its SHA-256 and that of none is all zeros.
     ///
@@ -233,9 +245,18 @@ impl Store {
         Ok(tally::sum(tallies.values()).to_hex())
     }
 
-    /// The responses of all designs that have one.
+    /// The measure that is optimised, of all designs that have it.
     pub async fn responses(&self) -> Result<Vec<ResponseRow>, Error> {
-        responses::all(&mut self.reader().await?).await
+        let mut rows = responses::all(&mut self.reader().await?).await?;
+        rows.retain(|row| row.number == 0);
+        Ok(rows)
+    }
+
+    /// The measures that constraints limit, of all designs that have them.
+    pub async fn limited_responses(&self) -> Result<Vec<ResponseRow>, Error> {
+        let mut rows = responses::all(&mut self.reader().await?).await?;
+        rows.retain(|row| row.number > 0);
+        Ok(rows)
     }
 
     /// The digest of the criteria of all designs. It does not depend on their order.
@@ -311,10 +332,14 @@ impl Store {
         self.put(change).await
     }
 
-    /// The model with this name, if it is stored.
+    /// The model with this name of the measure that is optimised, if it is stored.
     pub async fn model(&self, name: &str) -> Result<Option<ModelRow>, Error> {
-        let mut reader = self.reader().await?;
-        Ok(models::named(&mut reader, Some(name)).await?.pop())
+        Ok(self.models_named(name).await?.into_iter().next())
+    }
+
+    /// The models with this name, of the measure that is optimised first.
+    pub async fn models_named(&self, name: &str) -> Result<Vec<ModelRow>, Error> {
+        models::named(&mut self.reader().await?, Some(name)).await
     }
 
     /// All models.
@@ -322,13 +347,13 @@ impl Store {
         models::named(&mut self.reader().await?, None).await
     }
 
-    /// Replaces the model; without a row, the derivation says why the fit has failed.
-    pub async fn put_model(
+    /// Replaces the models of the DoE; without a row, the derivation says why the fit has failed.
+    pub async fn put_models(
         &self,
-        row: Option<&ModelRow>,
+        rows: &[ModelRow],
         derivation: &Derivation,
     ) -> Result<(), Error> {
-        let change = Change::Model(row.cloned(), derivation.clone());
+        let change = Change::Models(rows.to_vec(), derivation.clone());
         self.put(change).await.map(drop)
     }
 

@@ -32,17 +32,16 @@ impl SampleTally {
 
     /// Counts the samples of a block.
     pub(crate) fn count(&mut self, block: &SampleBlock) {
-        let failed = block.samples.iter().filter(|value| value.is_infinite());
         self.samples += block.samples.len() as u64;
-        self.failed += failed.count() as u64;
+        self.failed += block.samples.failed() as u64;
         self.last = self.last.max(block.end() - 1);
     }
 
     /// Counts the samples of a block and adds them to the digest.
     pub(crate) fn add(&mut self, block: &SampleBlock) {
         self.count(block);
-        for (sample, value) in block.indexed() {
-            self.digest += SamplesDigest::of(block.stream.index, sample, value);
+        for (sample, values) in block.indexed() {
+            self.digest += SamplesDigest::of(block.stream.index, sample, values);
         }
     }
 

@@ -222,7 +222,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
                 approach,
                 start,
                 base: base.clone(),
-                model: json.as_deref().map(Into::into),
+                models: json.as_deref().map(Into::into).into_iter().collect(),
                 from: None,
             };
             let run = optimise::run(problem, &run).expect("a start that can be simulated");

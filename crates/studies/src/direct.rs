@@ -16,6 +16,7 @@ use problem::simulator::NoAnswer;
 use problem::task::Run;
 use problem::{Approach, Design};
 use rayon::prelude::*;
+use stats::Samples;
 
 /// The result of one search.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,7 +57,7 @@ pub fn search(problem: &Problem, start: Start<'_>) -> anyhow::Result<Search> {
         approach: Approach::Direct,
         start: start.start,
         base: start.base.clone(),
-        model: None,
+        models: Vec::new(),
         from: start.from.cloned(),
     };
     let search = optimise::Search::beside(problem, &run, start.number);
@@ -71,7 +72,7 @@ pub fn search(problem: &Problem, start: Start<'_>) -> anyhow::Result<Search> {
         let answers = answers?;
         for answer in answers.iter().flatten() {
             plain_calls += 2;
-            worn_calls += answer.samples.len() as u64;
+            worn_calls += answer.samples.as_ref().map_or(0, Samples::len) as u64;
         }
         let goes_on = search.answered(problem, &candidates, answers);
         if !goes_on.map_err(anyhow::Error::msg)? {

@@ -54,13 +54,13 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
 
 impl FeasibleOptimum {
     /// The optimum of an approach; `None` if it is not feasible.
-    fn of(verified: &VerifiedOptimum) -> Option<Self> {
+    fn of(problem: &Problem, verified: &VerifiedOptimum) -> Option<Self> {
         let found = verified.optimum.feasible()?;
         Some(Self {
             approach: verified.optimum.approach,
             variables: found.design.gears(),
             criteria: found.criteria.gears(),
-            verified: verified.samples().to_vec(),
+            verified: verified.values(problem),
         })
     }
 }
@@ -72,7 +72,10 @@ impl FeasibleOptimum {
 /// The store cannot be read.
 pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<FeasibleOptimum>> {
     let optima = Optima::read(store, problem).await?;
-    Ok(optima.iter().filter_map(FeasibleOptimum::of).collect())
+    Ok(optima
+        .iter()
+        .filter_map(|one| FeasibleOptimum::of(problem, one))
+        .collect())
 }
 
 /// The optimum of an approach, or the recommended one.
@@ -96,7 +99,9 @@ pub async fn optimum(
             "no approach found a feasible design".to_owned(),
         ),
     };
-    optimum.and_then(FeasibleOptimum::of).context(none)
+    optimum
+        .and_then(|one| FeasibleOptimum::of(problem, one))
+        .context(none)
 }
 
 /// The five variables that all designs of the campaign's DoE share.
@@ -135,7 +140,7 @@ pub fn searched_base(problem: &Problem) -> anyhow::Result<Design> {
             approach: Approach::Nominal,
             start,
             base: printed.clone(),
-            model: None,
+            models: Vec::new(),
             from: None,
         };
         optimise::run(problem, &run).map_err(anyhow::Error::msg)

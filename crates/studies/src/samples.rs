@@ -28,7 +28,7 @@ pub fn verification(problem: &Problem, design: &Design) -> anyhow::Result<Vec<f6
             samples,
         };
         match compute(problem, &unit, &source).map_err(anyhow::Error::msg)? {
-            Output::Samples(samples) => Ok(samples),
+            Output::Samples(samples) => Ok(problem.objective().values(&samples)),
             other => bail!("a point cannot give {other:?}"),
         }
     })

@@ -151,8 +151,8 @@ fn draw(
     samples
         .map(|index| {
             let sample = sampler.draw(&mut stream(seed, purpose, number, index.into()));
-            let checked = problem.check_sample(sample);
-            checked.map_err(|why| anyhow!("ΔSTE of sample {index} {why}"))?;
+            let checked = problem.check_sample(&[sample]);
+            checked.map_err(|(_, why)| anyhow!("ΔSTE of sample {index} {why}"))?;
             Ok(sample)
         })
         .collect()

@@ -357,7 +357,7 @@ mod tests {
         };
         let none = || Err(NoOptimum::NoneSimulable);
         let verification = Verification {
-            samples: [[1.0; 30], [1.2; 30]].concat(),
+            samples: [[1.0; 30], [1.2; 30]].concat().into(),
             wanted: 60,
         };
         let optima = [

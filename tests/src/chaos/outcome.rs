@@ -183,9 +183,13 @@ fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>
         let store = Store::open_read_only(db).await?;
         let mut points = BTreeMap::new();
         for stream in store.sample_tallies().await?.into_keys() {
-            let held = store.samples_of(stream).await?.into_iter();
-            let bits = held.map(|(sample, value)| (sample, value.to_bits()));
-            points.insert(stream.to_string(), bits.collect());
+            let mut bits = Vec::new();
+            for block in store.blocks_of(stream).await? {
+                for (sample, values) in block.indexed() {
+                    bits.extend(values.iter().map(|value| (sample, value.to_bits())));
+                }
+            }
+            points.insert(stream.to_string(), bits);
         }
         let failures = store.failures().await?;
         store.close().await?;

@@ -341,7 +341,7 @@ fn measure_runs(problem: &Problem) -> anyhow::Result<f64> {
             approach,
             start: 0,
             base: short.base().clone(),
-            model: None,
+            models: Vec::new(),
             from: None,
         };
         let before = thread_seconds();

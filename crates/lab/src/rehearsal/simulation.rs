@@ -378,7 +378,7 @@ impl<'a> Simulation<'a> {
 /// An encoded report.
 fn report(name: &ledger::WorkerId, held: &HeldLease, seconds: f64) -> Vec<u8> {
     let result = |unit: &Unit| {
-        let samples = vec![1.5; unit.samples.len()];
+        let samples = vec![1.5; unit.samples.len()].into();
         let output = match unit.samples.start {
             0 => Output::Design {
                 responses: vec![1.0; 10],
@@ -406,7 +406,7 @@ fn decoded(request: &[u8]) -> Vec<Unit> {
     let request = ReportRequest::decode(request).unwrap_or_default();
     let results = request.results.iter().flat_map(|result| &result.results);
     results
-        .filter_map(|result| Some(runner::protocol::output(result).ok()?.0))
+        .filter_map(|result| Some(runner::protocol::output(result, 1).ok()?.0))
         .collect()
 }
 

@@ -9,7 +9,7 @@ use problem::formulation::{Design, Problem};
 use problem::simulator::State;
 use problem::task::{Output, Source, compute};
 use rand::{Rng, RngExt as _};
-use stages::responses::{self, Samples};
+use stages::responses::{self, Controlled};
 use stats::streams::Purpose;
 use store::{DesignRow, ResponseRow};
 
@@ -71,8 +71,9 @@ pub(crate) fn sample_doe(problem: &Problem, base: &Design) -> anyhow::Result<Doe
             let controls = responses::controls(problem, stream, linear, samples.len());
             (controls, linear.moments())
         });
-        let samples = Samples {
-            values: &samples,
+        let drawn = problem.objective().values(&samples);
+        let samples = Controlled {
+            values: &drawn,
             control: control
                 .as_ref()
                 .map(|(values, known)| (&values[..], *known)),

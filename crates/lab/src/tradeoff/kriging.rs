@@ -109,7 +109,7 @@ pub(crate) fn run(
     counts.push(training.len());
     let panel = format!(
         "{} at {} held-out designs",
-        problem.measured().name.into_owned(),
+        problem.measured().name.to_string(),
         held_out.len()
     );
     let mut table = Table::new(&COLUMNS);

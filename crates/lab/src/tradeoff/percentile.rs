@@ -7,7 +7,7 @@ use anyhow::{Context as _, bail};
 use problem::accuracy::ESTIMATORS;
 use problem::file::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
 use problem::formulation::Problem;
-use stages::responses::{Samples, response_of};
+use stages::responses::{Controlled, response_of};
 use stats::Control;
 use stats::streams::{Purpose, stream};
 
@@ -305,7 +305,7 @@ fn with(
         group: (coefficients == WearCoefficients::QuasiRandom).then_some(GROUP),
         precision: None,
         samples_max: None,
-        ..*own
+        ..own.clone()
     }
 }
 
@@ -365,7 +365,7 @@ impl Estimator {
         for draw in draws {
             let values = &draw.values[..count];
             let is_controlled = self.1 == ControlVariate::Linearised;
-            let samples = Samples {
+            let samples = Controlled {
                 values,
                 control: is_controlled.then(|| (&draw.controls[..count], control)),
             };

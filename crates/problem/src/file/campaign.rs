@@ -7,10 +7,12 @@ use sha2::{Digest, Sha256};
 use super::form::Form;
 use super::validate::{Invalid, Source};
 use super::{
-    ControlVariate, Doe, Enrichment, ExternalSections, FileError, FrozenFrom, GearSections,
-    Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify, WearCoefficients,
+    ConstraintSection, ControlVariate, Doe, Enrichment, ExternalSections, FileError, FrozenFrom,
+    GearSections, Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify,
+    WearCoefficients,
 };
 use crate::approach::Approach;
+use crate::formulation::Quantity;
 
 /// A validated campaign file: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,10 +152,11 @@ impl Campaign {
         values.approaches = None;
         if !self.samples_follow_measure() {
             values.sampling.objective = values.sampling.objective.of_aim();
+            values.set_sampled_constraints(Vec::new());
         }
         values.kriging = self.kriging.without_choices();
         values.simulator = self.simulator.of_values();
-        values.set_limits([None; 2]);
+        values.set_limits(&[]);
         Sha256::digest(values.to_json().as_bytes()).into()
     }
 
@@ -178,20 +181,23 @@ impl Campaign {
         same.approaches.clone_from(&held.approaches);
         let aims = [self, held].map(|campaign| campaign.sampling.objective.aim);
         if aims[0] == aims[1] && !self.samples_follow_measure() && !held.samples_follow_measure() {
-            same.sampling.objective = held.sampling.objective;
+            same.sampling.objective = held.sampling.objective.clone();
+            same.set_sampled_constraints(held.sampled_constraints());
         }
         same.doe.designs = held.doe.designs;
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify = held.verify;
         same.enrichment = held.enrichment;
-        same.set_limits(held.limits());
+        same.set_limits(&held.limits());
         if same.simulator.of_values() == held.simulator.of_values() {
             same.simulator = held.simulator.clone();
         }
         if self.kriging.kernel == held.kriging.kernel {
             same.kriging = held.kriging.clone();
         }
-        grows && enriches && has_all && same == *held
+        let mut held = held.clone();
+        held.set_sampled_constraints(held.sampled_constraints());
+        grows && enriches && has_all && same == held
     }
 
     /// Whether samples depend on the measure: a direct search takes them where the measure is good.
@@ -199,17 +205,45 @@ impl Campaign {
         self.optimise.direct
     }
 
-    /// `response.min` and `response.max`. They decide which samples are taken, not their values.
-    fn limits(&self) -> [Option<f64>; 2] {
+    /// `min` and `max` of the responses. They decide which samples are taken, not their values.
+    fn limits(&self) -> Vec<[Option<f64>; 2]> {
         match &self.kind {
-            Kind::Gears(_) => [None; 2],
-            Kind::External(sections) => [sections.response.min, sections.response.max],
+            Kind::Gears(_) => Vec::new(),
+            Kind::External(sections) => {
+                let responses = sections.responses.iter();
+                responses.map(|one| [one.min, one.max]).collect()
+            }
         }
     }
 
-    fn set_limits(&mut self, limits: [Option<f64>; 2]) {
+    /// Sets them; a response beyond the list gets none.
+    fn set_limits(&mut self, limits: &[[Option<f64>; 2]]) {
         if let Kind::External(sections) = &mut self.kind {
-            [sections.response.min, sections.response.max] = limits;
+            let limits = limits.iter().copied().chain(std::iter::repeat([None; 2]));
+            for (response, limits) in sections.responses.iter_mut().zip(limits) {
+                [response.min, response.max] = limits;
+            }
+        }
+    }
+
+    /// The constraints on measures of samples. Like the measure that is optimised, they decide what the samples mean and
+    /// not their values, so that a campaign keeps its samples when they change.
+    fn set_sampled_constraints(&mut self, constraints: Vec<ConstraintSection>) {
+        if let Kind::External(sections) = &mut self.kind {
+            let is_deterministic = |one: &ConstraintSection| one.measure.is_none();
+            sections.constraints.retain(is_deterministic);
+            sections.constraints.extend(constraints);
+        }
+    }
+
+    fn sampled_constraints(&self) -> Vec<ConstraintSection> {
+        match &self.kind {
+            Kind::Gears(_) => Vec::new(),
+            Kind::External(sections) => {
+                let constraints = sections.constraints.iter();
+                let sampled = constraints.filter(|one| one.measure.is_some());
+                sampled.cloned().collect()
+            }
         }
     }
 
@@ -293,10 +327,15 @@ impl Campaign {
     /// The name of the measure that is optimised: P90, mean, P(y > 5 mm).
     #[must_use]
     pub fn measure_name(&self) -> String {
-        self.sampling.objective.name(match &self.kind {
-            Kind::Gears(_) => ["ΔSTE", "µm"],
-            Kind::External(sections) => [&sections.response.name, &sections.response.unit],
-        })
+        let response = match &self.kind {
+            Kind::Gears(_) => Quantity::of("ΔSTE", "µm"),
+            Kind::External(sections) => {
+                sections.response_of(self.sampling.objective.response.as_ref())
+            }
+        };
+        self.sampling
+            .objective
+            .name([&response.name, &response.unit])
     }
 
     /// With random slope deviations ΔSTE has a long tail: the normal formula gives half to three
@@ -335,9 +374,7 @@ impl Campaign {
         self.simulator.validate(source)?;
         match &self.kind {
             Kind::Gears(sections) => sections.validate(source, self.is_external())?,
-            Kind::External(sections) => {
-                sections.validate(source, &self.sampling.measure_column())?;
-            }
+            Kind::External(sections) => sections.validate(source, &self.sampling.objective)?,
         }
         self.validate_approaches(source)?;
         if let Some(enrichment) = &self.enrichment {
@@ -374,7 +411,7 @@ impl Campaign {
         let has = |approach| listed.contains(&approach);
         let has_baseline = match &self.kind {
             Kind::Gears(_) => true,
-            Kind::External(sections) => sections.response.baseline,
+            Kind::External(sections) => sections.responses.iter().any(|one| one.baseline),
         };
         let base = self.gears().and_then(|sections| sections.frozen);
         let needs_base = base.is_some_and(|frozen| frozen.from == FrozenFrom::Deterministic);
@@ -386,7 +423,9 @@ impl Campaign {
             return refuse("without \"no-wear\", which is for gears");
         }
         if has(Approach::Baseline) && !has_baseline {
-            return refuse("without \"baseline\", unless response.baseline is true");
+            return refuse(
+                "without \"baseline\", unless the objective's response has baseline = true",
+            );
         }
         if needs_base && !has(Approach::Nominal) {
             return refuse(

@@ -79,7 +79,7 @@ mod tests {
         let mut same = campaign.clone();
         same.name.clone_from(&paper.name);
         same.doe = paper.doe;
-        same.sampling = paper.sampling;
+        same.sampling = paper.sampling.clone();
         same.enrichment = None;
         assert_eq!(same, paper);
         let again = Campaign::from_json(&campaign.to_json()).unwrap();

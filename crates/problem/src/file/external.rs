@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
-use super::{CorrelationSection, FileError, RandomSection};
+use super::{Combination, CorrelationSection, FileError, MeasureName, Objective, RandomSection};
 
 /// The sections that only external campaigns have.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,8 +20,8 @@ pub struct ExternalSections {
     pub random: Vec<RandomSection>,
     /// `[[correlations]]`
     pub correlations: Vec<CorrelationSection>,
-    /// `[response]`
-    pub response: ResponseSection,
+    /// `[[responses]]`, at least one.
+    pub responses: Vec<ResponseSection>,
 }
 
 /// A variable of the design.
@@ -141,22 +141,39 @@ impl VariableSection {
     }
 }
 
-/// A deterministic response of the program, with limits that a feasible design satisfies.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// A limit that a feasible design keeps: on a deterministic response of the program, or, with `measure`, on a measure of
+/// its samples.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ConstraintSection {
-    /// The name that the program uses.
+    /// The name of the deterministic response, which the program uses; of a constraint on samples, a name for tables.
     pub name: String,
-    /// Its unit; empty for a number without one.
+    /// Its unit; empty for a number without one. A measure of samples has the unit of its response.
     #[serde(default)]
     pub unit: String,
     /// Smallest valid value.
     pub min: Option<f64>,
-    /// Largest valid value.
+    /// Largest valid value. A constraint on samples has one of the two.
     pub max: Option<f64>,
+    /// The measure of the samples that is limited; absent for a deterministic response.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub measure: Option<MeasureName>,
+    /// The response that is measured; the first of `[[responses]]` if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub response: Option<Combination>,
+    /// Level of a percentile or a superquantile, as in `[objective]`: with `max` the share of the samples below it, with
+    /// `min` the share above it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<f64>,
+    /// Number of standard deviations of `"mean-plus-sd"`, towards the limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub k: Option<f64>,
+    /// The value of the response whose probability of being exceeded is limited by `max` or `min`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit: Option<f64>,
 }
 
-/// The random response whose measure is optimised.
+/// A random response of the program.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ResponseSection {
@@ -165,13 +182,76 @@ pub struct ResponseSection {
     /// Its unit; empty for a number without one.
     #[serde(default)]
     pub unit: String,
-    /// Whether the program also computes the response without random effects.
+    /// Whether the program also computes it without random effects. Only for the response of the objective.
     #[serde(default)]
     pub baseline: bool,
     /// Smallest plausible value: a smaller one is a failure of its sample.
     pub min: Option<f64>,
     /// Largest plausible value: a larger one is a failure of its sample.
     pub max: Option<f64>,
+}
+
+/// Most values of a sample.
+const MOST_RESPONSES: usize = 64;
+
+impl ConstraintSection {
+    /// The measure that is limited; `None` for a deterministic response.
+    #[must_use]
+    pub fn limited(&self) -> Option<Objective> {
+        Objective::limited(self)
+    }
+
+    fn validate(
+        &self,
+        source: Source<'_>,
+        section: &str,
+        responses: &[ResponseSection],
+    ) -> Result<(), FileError> {
+        let key = |key: &str| format!("{section}.{key}");
+        let limits = [self.min, self.max];
+        if limits == [None, None] {
+            return Err(source.missing(&key("max"), "given, or min, or both"));
+        }
+        check_limits(source, section, limits)?;
+        let Some(limited) = self.limited() else {
+            let given = [
+                ("response", self.response.is_some()),
+                ("level", self.level.is_some()),
+                ("k", self.k.is_some()),
+                ("limit", self.limit.is_some()),
+            ];
+            let beside = given.iter().find(|(_, is_given)| *is_given);
+            return match beside {
+                None => Ok(()),
+                Some(_) => Err(source.missing(
+                    &key("measure"),
+                    "given for a constraint on samples, such as \"percentile\" or \"exceedance\"",
+                )),
+            };
+        };
+        if let [Some(min), Some(_)] = limits {
+            let expected = "absent beside max: two limits of a measure are two constraints";
+            return Err(source.refuse(&key("min"), min, expected));
+        }
+        if !self.unit.is_empty() {
+            let expected = "absent: a measure has the unit of its response";
+            return Err(source.refuse(&key("unit"), &self.unit, expected));
+        }
+        limited.validate_measure(source, section)?;
+        if let Some(response) = &self.response {
+            response.validate(source, &key("response"), responses)?;
+        }
+        if limited.is_probability() {
+            let (name, limit) = match limits {
+                [Some(min), _] => ("min", min),
+                [_, max] => ("max", max.unwrap_or_default()),
+            };
+            let expected = "a probability from 0.000001 to 0.999999";
+            let is_probability = (1e-6..=1.0 - 1e-6).contains(&limit);
+            source.require(is_probability, &key(name), limit, expected)?;
+        }
+        Ok(())
+    }
 }
 
 /// Names with another meaning in requests, answers and exported tables.
@@ -201,8 +281,13 @@ const RESERVED: [&str; 22] = [
 ];
 
 impl ExternalSections {
-    /// Checks the sections. `measure` is the prefix of columns with the measure.
-    pub(super) fn validate(&self, source: Source<'_>, measure: &str) -> Result<(), FileError> {
+    /// Checks the sections, and that the response of the objective is one of them.
+    pub(super) fn validate(
+        &self,
+        source: Source<'_>,
+        objective: &Objective,
+    ) -> Result<(), FileError> {
+        let measure = &*objective.column();
         let is_column = |name: &str| {
             let rest = name.strip_prefix(measure);
             rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
@@ -236,6 +321,12 @@ impl ExternalSections {
             )
         };
         source.require(
+            (1..=MOST_RESPONSES).contains(&self.responses.len()),
+            "responses",
+            self.responses.len(),
+            &format!("1 to {MOST_RESPONSES} sections [[responses]]"),
+        )?;
+        source.require(
             (1..=doe::MAX_VARIABLES).contains(&self.variables.len()),
             "variables",
             self.variables.len(),
@@ -256,12 +347,7 @@ impl ExternalSections {
         for (index, constraint) in self.constraints.iter().enumerate() {
             let section = format!("constraints[{}]", index + 1);
             named(&section, &constraint.name, &constraint.unit)?;
-            let limits = [constraint.min, constraint.max];
-            if limits == [None, None] {
-                let key = format!("{section}.max");
-                return Err(source.missing(&key, "given, or min, or both"));
-            }
-            check_limits(source, &section, limits)?;
+            constraint.validate(source, &section, &self.responses)?;
         }
         for (index, input) in self.random.iter().enumerate() {
             let section = format!("random[{}]", index + 1);
@@ -270,9 +356,31 @@ impl ExternalSections {
             input.validate(source, &section, &variables)?;
         }
         CorrelationSection::validate(&self.correlations, source, &self.random)?;
-        let response = &self.response;
-        named("response", &response.name, &response.unit)?;
-        check_limits(source, "response", [response.min, response.max])
+        for (index, response) in self.responses.iter().enumerate() {
+            let section = format!("responses[{}]", index + 1);
+            named(&section, &response.name, &response.unit)?;
+            check_limits(source, &section, [response.min, response.max])?;
+            let is_of_objective = self.is_of_objective(&response.name, objective);
+            source.require(
+                !response.baseline || is_of_objective,
+                &format!("{section}.baseline"),
+                response.baseline,
+                "absent, unless the objective is of this response alone",
+            )?;
+        }
+        let combination = objective.response.as_ref();
+        combination.map_or(Ok(()), |of| {
+            of.validate(source, "objective.response", &self.responses)
+        })
+    }
+
+    /// Whether the objective is of this response alone.
+    fn is_of_objective(&self, name: &str, objective: &Objective) -> bool {
+        match &objective.response {
+            None => self.responses[0].name == name,
+            Some(Combination::One(of)) => of == name,
+            Some(Combination::Several(_)) => false,
+        }
     }
 }
 

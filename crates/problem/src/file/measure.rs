@@ -60,7 +60,16 @@ impl Sampling {
     ///
     /// Those of [`Measure::verified`].
     pub fn verified(&self, samples: &[f64]) -> Result<Verified, stats::Error> {
-        self.measure().verified(&self.counted(samples), CONFIDENCE)
+        self.verified_at(samples, CONFIDENCE)
+    }
+
+    /// Like [`verified`](Self::verified), with an interval of this confidence.
+    pub(crate) fn verified_at(
+        &self,
+        samples: &[f64],
+        confidence: f64,
+    ) -> Result<Verified, stats::Error> {
+        self.measure().verified(&self.counted(samples), confidence)
     }
 
     /// The difference of the verified measures of `first` and `second`, with its interval. The samples of
@@ -131,7 +140,7 @@ impl Sampling {
             samples,
             &Self {
                 estimator: Some(EstimatorRule::Paper),
-                ..*self
+                ..self.clone()
             }
             .normal(),
         )

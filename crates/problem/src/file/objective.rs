@@ -1,17 +1,20 @@
-//! `[objective]`: the measure of the random response, and its direction.
+//! `[objective]`: the measure of the random response, and its direction. A constraint on samples states a measure in the
+//! same way.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use stats::Measure;
 
-use super::FileError;
 use super::validate::Source;
+use super::{Combination, ConstraintSection, FileError};
 
 /// `[objective]`, optional: the measure of the response that is optimised. If absent, the percentile that 90 % of the
 /// samples stay below is minimised.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Objective {
+    /// The response that is measured; the first of `[[responses]]` if absent.
+    pub response: Option<Combination>,
     /// Whether small or large values are preferred.
     #[serde(default)]
     pub aim: Aim,
@@ -44,7 +47,7 @@ pub enum Aim {
 /// A measure of a random response.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-enum MeasureName {
+pub enum MeasureName {
     /// The value that a share `level` of the samples stay below.
     #[default]
     Percentile,
@@ -71,6 +74,7 @@ impl Objective {
     #[must_use]
     pub const fn percentile(level: f64) -> Self {
         Self {
+            response: None,
             aim: Aim::Minimise,
             measure: MeasureName::Percentile,
             level: Some(level),
@@ -80,11 +84,47 @@ impl Objective {
     }
 
     /// The default measure with this aim.
-    pub(super) fn of_aim(self) -> Self {
+    pub(super) fn of_aim(&self) -> Self {
         Self {
             aim: self.aim,
             ..Self::percentile(PAPERS_LEVEL)
         }
+    }
+
+    /// What a constraint limits: a measure with `max`, of which small values are good, or with `min`.
+    pub(super) fn limited(section: &ConstraintSection) -> Option<Self> {
+        let limited = Self {
+            response: section.response.clone(),
+            aim: match section.max {
+                Some(_) => Aim::Minimise,
+                None => Aim::Maximise,
+            },
+            measure: section.measure?,
+            level: section.level,
+            k: section.k,
+            limit: section.limit,
+        };
+        Some(limited.resolved())
+    }
+
+    /// The measure with its limit that models and searches use in the place of this one, which is at most or at least
+    /// `limit`. For a probability it is the percentile, which says the same from the other side and, unlike a small
+    /// probability, can be estimated from few samples: P(y > 400) ≤ 0.01 exactly if P99 of y ≤ 400.
+    #[must_use]
+    pub fn searched(&self, limit: f64) -> (Self, f64) {
+        if self.measure != MeasureName::Exceedance {
+            return (self.clone(), limit);
+        }
+        let level = match self.aim {
+            Aim::Minimise => ((1.0 - limit) * 1e9).round() / 1e9,
+            Aim::Maximise => limit,
+        };
+        let percentile = Self {
+            response: self.response.clone(),
+            aim: self.aim,
+            ..Self::percentile(level)
+        };
+        (percentile, self.limit.unwrap_or_default())
     }
 
     /// The objective with its defaults filled in.
@@ -175,8 +215,14 @@ impl Objective {
         self.measure == MeasureName::Exceedance
     }
 
+    /// Checks the section `[objective]`.
     pub(super) fn validate(&self, source: Source<'_>, is_gears: bool) -> Result<(), FileError> {
-        use MeasureName::{Exceedance, MeanPlusSd, Percentile, Superquantile};
+        source.require(
+            self.response.is_none() || !is_gears,
+            "objective.response",
+            &self.response,
+            "absent for a gear pair, which has one",
+        )?;
         source.require(
             self.aim == Aim::Minimise || !is_gears,
             "objective.aim",
@@ -189,13 +235,23 @@ impl Objective {
             self.measure,
             "another for a gear pair, whose tables and charts are in µm: a percentile asks the same from the other side",
         )?;
+        self.validate_measure(source, "objective")
+    }
+
+    /// Checks the keys of the measure in a section.
+    pub(super) fn validate_measure(
+        &self,
+        source: Source<'_>,
+        section: &str,
+    ) -> Result<(), FileError> {
+        use MeasureName::{Exceedance, MeanPlusSd, Percentile, Superquantile};
         let keys = [
             ("level", self.level, &[Percentile, Superquantile][..]),
             ("k", self.k, &[MeanPlusSd]),
             ("limit", self.limit, &[Exceedance]),
         ];
         for (key, value, measures) in keys {
-            let key = format!("objective.{key}");
+            let key = format!("{section}.{key}");
             match value {
                 Some(value) => source.require(
                     measures.contains(&self.measure) && value.is_finite(),
@@ -214,13 +270,14 @@ impl Objective {
         if let Some(level) = self.level {
             source.require(
                 (0.001..=0.999).contains(&level),
-                "objective.level",
+                &format!("{section}.level"),
                 level,
                 "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
             )?;
         }
+        let key = format!("{section}.k");
         self.k
-            .map_or(Ok(()), |k| source.within("objective.k", k, 0.0, 100.0, ""))
+            .map_or(Ok(()), |k| source.within(&key, k, 0.0, 100.0, ""))
     }
 }
 

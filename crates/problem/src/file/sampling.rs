@@ -8,7 +8,7 @@ use super::validate::Source;
 use super::{FailedSamples, FileError, Objective};
 
 /// `[sampling]`: how many samples a design gets, and how the measure is estimated.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sampling {
     /// Number k of response samples per simulable design. With a precision, the size of the first

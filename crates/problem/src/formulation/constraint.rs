@@ -114,6 +114,15 @@ impl Constraint {
         }
     }
 
+    /// The constraint with an excess relative to the limit's absolute value, or to 1 if the limit is 0.
+    pub(super) fn relative(self) -> Self {
+        let scale = match self.limit.abs() {
+            0.0 => 1.0,
+            limit => limit,
+        };
+        Self { scale, ..self }
+    }
+
     /// Whether the constraint holds; false if the value is NaN.
     #[must_use]
     pub fn holds(&self) -> bool {

@@ -2,8 +2,8 @@
 
 use super::random::RandomInputs;
 use super::space::{Source, Space};
-use super::{Analysis, Constraint, Coordinate, Criteria, Quantity};
-use crate::file::{Domain, ExternalSections};
+use super::{Analysis, Constraint, Coordinate, Criteria, Measured, Quantity};
+use crate::file::{ConstraintSection, Domain, ExternalSections, Sampling};
 
 /// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
 const LARGEST: f64 = 1e100;
@@ -63,17 +63,29 @@ impl External {
         Space::new(coordinates, sources)
     }
 
-    pub(super) fn criteria(&self) -> Vec<Quantity> {
+    /// The constraints on deterministic responses.
+    fn deterministic(&self) -> impl Iterator<Item = &ConstraintSection> {
         let constraints = self.sections.constraints.iter();
-        constraints
-            .map(|constraint| Quantity::new(&constraint.name, &constraint.unit))
-            .collect()
+        constraints.filter(|section| section.measure.is_none())
     }
 
-    /// The criteria, then the baseline if there is one.
+    /// The deterministic responses with constraints, then the measures with constraints.
+    pub(super) fn criteria(&self) -> Vec<Quantity> {
+        let limited = self.sections.constraints.iter().filter_map(|section| {
+            let limited = section.limited()?;
+            let response = self.sections.response_of(limited.response.as_ref());
+            Some(Quantity::new(&section.name, &response.unit))
+        });
+        let of = |section: &ConstraintSection| Quantity::new(&section.name, &section.unit);
+        self.deterministic().map(of).chain(limited).collect()
+    }
+
+    /// The deterministic responses with constraints, then the baseline if there is one.
     pub(super) fn responses(&self) -> Vec<Quantity> {
-        let baseline = self.has_baseline().then(|| self.sampled());
-        self.criteria().into_iter().chain(baseline).collect()
+        let baseline = self.sections.responses.iter().filter(|one| one.baseline);
+        let baseline = baseline.map(|one| Quantity::new(&one.name, &one.unit));
+        let of = |section: &ConstraintSection| Quantity::new(&section.name, &section.unit);
+        self.deterministic().map(of).chain(baseline).collect()
     }
 
     pub(super) fn random(&self) -> Option<RandomInputs> {
@@ -82,18 +94,24 @@ impl External {
         RandomInputs::new(&sections.random, &sections.correlations, &variables)
     }
 
-    pub(super) fn sampled(&self) -> Quantity {
-        let response = &self.sections.response;
-        Quantity::new(&response.name, &response.unit)
+    pub(super) fn sampled(&self) -> Vec<Quantity> {
+        let responses = self.sections.responses.iter();
+        responses
+            .map(|one| Quantity::new(&one.name, &one.unit))
+            .collect()
     }
 
-    /// Checks that this number can be a value of the response. The error is a phrase without its subject.
-    pub(super) fn check_sample(&self, value: f64) -> Result<(), String> {
+    pub(super) fn measures(&self, sampling: &Sampling) -> Vec<Measured> {
+        Measured::of_sections(&self.sections, sampling)
+    }
+
+    /// Checks that this number can be a value of a sampled response. The error is a phrase without its subject.
+    pub(super) fn check_sample(&self, place: usize, value: f64) -> Result<(), String> {
         check_number(value)?;
-        let response = &self.sections.response;
+        let response = &self.sections.responses[place];
         let broken = match (response.min, response.max) {
-            (Some(min), _) if value < min => Some(("below", "smallest", min, "response.min")),
-            (_, Some(max)) if value > max => Some(("above", "largest", max, "response.max")),
+            (Some(min), _) if value < min => Some(("below", "smallest", min, "min")),
+            (_, Some(max)) if value > max => Some(("above", "largest", max, "max")),
             _ => None,
         };
         let Some((side, which, limit, key)) = broken else {
@@ -104,12 +122,12 @@ impl External {
             unit => format!(" {unit}"),
         };
         Err(format!(
-            "is {value:?}{unit}, {side} the {which} plausible value {limit:?}{unit} ({key})"
+            "is {value:?}{unit}, {side} the {which} plausible value {limit:?}{unit} ({key} of the response)"
         ))
     }
 
-    pub(super) const fn has_baseline(&self) -> bool {
-        self.sections.response.baseline
+    pub(super) fn has_baseline(&self) -> bool {
+        self.sections.responses.iter().any(|one| one.baseline)
     }
 
     /// The responses, which do not depend on the state.
@@ -121,7 +139,7 @@ impl External {
 
     /// The analysis in the responses. Its value is NaN without a baseline.
     pub(super) fn analysis(&self, responses: &[f64]) -> Option<Analysis> {
-        let count = self.sections.constraints.len();
+        let count = self.deterministic().count();
         let (criteria, baseline) = responses.split_at_checked(count)?;
         Some(Analysis {
             value: baseline.first().copied().unwrap_or(f64::NAN),
@@ -129,24 +147,19 @@ impl External {
         })
     }
 
+    /// The constraints on deterministic responses.
     pub(super) fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
         let mut constraints = Vec::new();
-        for (section, &value) in self.sections.constraints.iter().zip(criteria.values()) {
+        for (section, &value) in self.deterministic().zip(criteria.values()) {
             let name = section.name.clone();
             let unit = section.unit.clone();
-            let scaled = |constraint: Constraint| Constraint {
-                scale: match constraint.limit.abs() {
-                    0.0 => 1.0,
-                    limit => limit,
-                },
-                ..constraint
-            };
             if let Some(min) = section.min {
                 let constraint = Constraint::at_least(name.clone(), unit.clone(), value, min);
-                constraints.push(scaled(constraint));
+                constraints.push(constraint.relative());
             }
             if let Some(max) = section.max {
-                constraints.push(scaled(Constraint::at_most(name, unit, value, max)));
+                let constraint = Constraint::at_most(name, unit, value, max);
+                constraints.push(constraint.relative());
             }
         }
         constraints

@@ -12,14 +12,14 @@ pub struct Quantity {
 }
 
 impl Quantity {
-    pub(super) fn new(name: &str, unit: &str) -> Self {
+    pub(crate) fn new(name: &str, unit: &str) -> Self {
         Self {
             name: name.to_owned().into(),
             unit: unit.to_owned().into(),
         }
     }
 
-    pub(super) const fn of(name: &'static str, unit: &'static str) -> Self {
+    pub(crate) const fn of(name: &'static str, unit: &'static str) -> Self {
         Self {
             name: Cow::Borrowed(name),
             unit: Cow::Borrowed(unit),

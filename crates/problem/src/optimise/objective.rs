@@ -1,10 +1,13 @@
 //! The objective of a run, and its record of evaluated designs.
 
+use std::sync::Arc;
+
 use cmaes::Evaluation;
+use stats::Samples;
 use stats::streams::{Purpose, stream};
 
 use super::{Run, Solution};
-use crate::formulation::{Approach, Criteria, Design, Problem};
+use crate::formulation::{Approach, Criteria, Design, Measured, Problem};
 use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
 
 /// The violation of a design that is not simulable in feasibility-first ranking: larger than that
@@ -24,8 +27,17 @@ pub struct Candidate {
     pub is_asked: bool,
     /// Whether it may be the best design so far, as far as is known without the simulator.
     pub may_improve: bool,
-    /// The model's mean, in a search on a model.
-    predicted: Option<f64>,
+    /// The predictions, in a search on models.
+    predicted: Option<Predicted>,
+}
+
+/// What models predict for a design.
+#[derive(Debug, Clone, PartialEq)]
+struct Predicted {
+    /// The mean of the objective's model.
+    criterion: f64,
+    /// The bounds of the measures that constraints limit.
+    limited: Vec<f64>,
 }
 
 /// The simulator's evaluation of a candidate.
@@ -36,8 +48,8 @@ pub struct Answer {
     /// The criteria in the baseline state, if a gear pair that was searched without wear must
     /// satisfy them with wear, too.
     pub worn: Option<Criteria>,
-    /// The samples of a feasible design, in a direct search.
-    pub samples: Vec<f64>,
+    /// The samples of a design that satisfies the deterministic constraints, in a direct search.
+    pub samples: Option<Samples>,
 }
 
 /// Evaluates a design that an approach may end at. `may_improve` says whether it may be the best
@@ -63,7 +75,7 @@ pub fn answer(
     let mut answer = Answer {
         analysis,
         worn: None,
-        samples: Vec::new(),
+        samples: None,
     };
     if !is_feasible {
         return Ok(answer);
@@ -75,7 +87,7 @@ pub fn answer(
         answer.worn = Some(prepared.analyse(State::Baseline)?.criteria);
     }
     if approach == Approach::Direct {
-        answer.samples = draw(problem, prepared.as_mut())?;
+        answer.samples = Some(draw(problem, prepared.as_mut())?);
     }
     Ok(answer)
 }
@@ -83,20 +95,19 @@ pub fn answer(
 /// The samples of a design in a direct search. A failed sample is tried again, after a sample that succeeded
 /// before is computed once more to show that the simulator works. If it then fails at every attempt, it counts as
 /// failed, provided that the campaign tolerates failures.
-fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, NoAnswer> {
+fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Samples, NoAnswer> {
     let campaign = problem.campaign();
     let (purpose, number) = COMMON;
     let mut one = |sample: usize| {
         let mut rng = stream(campaign.seed, purpose, number, sample as u64);
         let drawn = problem.sample_of(design.sample(&mut rng)?);
-        let name = &problem.sampled().name;
-        let checked = problem.check_sample(drawn);
-        checked.map_err(|why| NoAnswer::Failed(format!("{name} of sample {sample} {why}")))?;
+        let checked = problem.check_sample(&drawn);
+        checked
+            .map_err(|(name, why)| NoAnswer::Failed(format!("{name} of sample {sample} {why}")))?;
         Ok(drawn)
     };
     let is_result = campaign.is_external() && campaign.sampling.tolerates_failures();
-    let mut samples =
-        vec![campaign.sampling.failed_sample(); campaign.sampling.samples_per_design as usize];
+    let mut samples = vec![problem.failed_sample(); campaign.sampling.samples_per_design as usize];
     let mut failed = Vec::new();
     for (sample, value) in samples.iter_mut().enumerate() {
         match one(sample) {
@@ -127,14 +138,17 @@ fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Vec<f64>, NoAnsw
             }
         }
     }
-    Ok(samples)
+    let mut all = Samples::none(problem.sampled().len());
+    samples.iter().for_each(|row| all.push(row));
+    Ok(all)
 }
 
 /// The objective of one approach.
 pub(super) struct Objective {
     approach: Approach,
     base: Design,
-    model: Option<kriging::Surrogate>,
+    /// In the order of the problem's measures.
+    models: Vec<kriging::Surrogate>,
 }
 
 /// A run's record of the designs that it has evaluated.
@@ -169,6 +183,24 @@ impl Record {
     }
 }
 
+/// The measure that is optimised, and the bounds of those that constraints limit, from a design's samples.
+fn estimated(problem: &Problem, samples: &Samples) -> Option<(f64, Vec<f64>)> {
+    let estimate = |measured: &Measured| {
+        let estimate = measured
+            .sampling()
+            .estimate(&measured.values(samples))
+            .ok()?;
+        Some(estimate.chosen)
+    };
+    let bound = |measured: &Measured| {
+        let estimate = estimate(measured)?;
+        Some(measured.bound(estimate.value, estimate.variance))
+    };
+    let criterion = estimate(problem.objective())?.value;
+    let limited: Option<Vec<f64>> = problem.limited().iter().map(bound).collect();
+    Some((criterion, limited?))
+}
+
 /// The evaluation of a design for feasibility-first ranking; `None` stands for a design that is not
 /// simulable.
 fn ranked(problem: &Problem, evaluated: Option<&Assessment>) -> Evaluation {
@@ -194,23 +226,29 @@ impl Objective {
     ///
     /// # Errors
     ///
-    /// A sentence: the model is missing or cannot be read, or the approach has no runs.
-    pub(super) fn new(run: &Run) -> Result<Self, String> {
-        let model = match (run.approach, run.model.as_deref()) {
-            (Approach::Kriging, Some(json)) => Some(
-                kriging::Surrogate::from_json(json)
-                    .map_err(|error| format!("the kriging model cannot be read: {error}"))?,
-            ),
-            (Approach::Kriging, None) => return Err("the task brings no kriging model".to_owned()),
-            (Approach::BestOfDoe | Approach::EnrichedKriging, _) => {
-                return Err(format!("{} is chosen, not optimised", run.approach.name()));
-            }
-            _ => None,
+    /// A sentence: a model is missing or cannot be read, or the approach has no runs.
+    pub(super) fn new(problem: &Problem, run: &Run) -> Result<Self, String> {
+        if let Approach::BestOfDoe | Approach::EnrichedKriging = run.approach {
+            return Err(format!("{} is chosen, not optimised", run.approach.name()));
+        }
+        let needed = match run.approach {
+            Approach::Kriging => problem.measures().len(),
+            _ => 0,
+        };
+        if run.models.len() != needed {
+            let found = run.models.len();
+            return Err(format!(
+                "the task brings {found} kriging models, not {needed}"
+            ));
+        }
+        let read = |json: &Arc<str>| {
+            kriging::Surrogate::from_json(json)
+                .map_err(|error| format!("the kriging model cannot be read: {error}"))
         };
         Ok(Self {
             approach: run.approach,
             base: run.base.clone(),
-            model,
+            models: run.models.iter().map(read).collect::<Result<_, _>>()?,
         })
     }
 
@@ -221,19 +259,45 @@ impl Objective {
     /// The candidate at the point `unit` of the search space.
     pub(super) fn candidate(&self, problem: &Problem, seen: &Record, unit: &[f64]) -> Candidate {
         let design = problem.point(self.approach, unit, &self.base);
-        let model = self.model.as_ref();
         let predicted = design
             .as_ref()
-            .and_then(|design| Some(model?.mean(&problem.free_values(design))));
-        let may_improve = predicted.is_none_or(|criterion| seen.improves(problem, criterion));
-        // Without constraints a design that is no improvement need not be evaluated.
-        let is_settled = predicted.is_some() && problem.criteria().is_empty() && !may_improve;
+            .and_then(|design| self.predicted(problem, design));
+        let may_improve = predicted
+            .as_ref()
+            .is_none_or(|predicted| seen.improves(problem, predicted.criterion));
+        // Without deterministic constraints a design that is no improvement, or is predicted to violate a constraint,
+        // need not be evaluated.
+        let is_feasible = |predicted: &Predicted| {
+            let criteria = Criteria::new(predicted.limited.clone());
+            !problem.deterministic().is_empty() || problem.is_feasible(&criteria)
+        };
+        let is_settled = problem.deterministic().is_empty()
+            && predicted
+                .as_ref()
+                .is_some_and(|predicted| !may_improve || !is_feasible(predicted));
         Candidate {
             is_asked: design.is_some() && !is_settled,
             design,
             may_improve,
             predicted,
         }
+    }
+
+    /// The predictions of the models; `None` without models.
+    fn predicted(&self, problem: &Problem, design: &Design) -> Option<Predicted> {
+        let (objective, others) = self.models.split_first()?;
+        let x = problem.free_values(design);
+        let bound = |(measured, model): (&Measured, &kriging::Surrogate)| {
+            let predicted = model
+                .predict_many(&x)
+                .ok()
+                .and_then(|all| all.first().copied());
+            predicted.map_or(f64::NAN, |one| model.quantile(one, measured.safe_level()))
+        };
+        Some(Predicted {
+            criterion: objective.mean(&x),
+            limited: problem.limited().iter().zip(others).map(bound).collect(),
+        })
     }
 
     /// The evaluation of a candidate. `answer` is `None` if it is not simulable or need not be
@@ -284,15 +348,19 @@ impl Objective {
         answer: Option<Answer>,
     ) -> Option<Assessment> {
         let design = candidate.design.clone()?;
+        let predicted = candidate.predicted.as_ref();
         if !candidate.is_asked {
+            let predicted = predicted?;
+            let criteria = Criteria::new(predicted.limited.clone());
+            let violation = problem.violation(&criteria);
             return Some(Assessment {
                 found: Solution {
                     design,
-                    criterion: candidate.predicted?,
-                    criteria: Criteria::new(Vec::new()),
-                    feasible: true,
+                    criterion: predicted.criterion,
+                    feasible: problem.is_feasible(&criteria),
+                    criteria,
                 },
-                violation: 0.0,
+                violation,
             });
         }
         seen.simulator_calls += 1;
@@ -300,23 +368,23 @@ impl Objective {
         let is_worn = matches!(self.approach, Approach::Baseline | Approach::Direct);
         // The analysis with Archard's wear also takes the one without.
         seen.simulator_calls += u64::from(is_worn && problem.gears().is_some());
-        seen.simulator_calls += u64::from(answer.worn.is_some()) + answer.samples.len() as u64;
+        let samples = answer.samples.as_ref();
+        seen.simulator_calls += u64::from(answer.worn.is_some());
+        seen.simulator_calls += samples.map_or(0, Samples::len) as u64;
         let analysis = answer.analysis;
-        let violation = problem.violation(&analysis.criteria);
-        let mut feasible = problem.is_feasible(&analysis.criteria);
-        let criterion = match self.approach {
-            // An infeasible design is ranked by its violation alone.
-            Approach::Direct if !feasible => 0.0,
-            Approach::Direct => {
-                let estimate = problem.campaign().sampling.estimate(&answer.samples);
-                estimate.map_or(f64::NAN, |estimate| estimate.chosen.value)
-            }
-            _ => candidate.predicted.unwrap_or(analysis.value),
+        let (criterion, limited) = match (self.approach, samples, predicted) {
+            // A design that violates a deterministic constraint is ranked by its violation alone.
+            (Approach::Direct, None, _) => (0.0, Vec::new()),
+            (Approach::Direct, Some(samples), _) => estimated(problem, samples)?,
+            (_, _, Some(predicted)) => (predicted.criterion, predicted.limited.clone()),
+            _ => (analysis.value, Vec::new()),
         };
+        let mut criteria = problem.with_limited(&analysis.criteria, &limited);
+        let violation = problem.violation(&criteria);
+        let mut feasible = problem.is_feasible(&criteria);
         if !(criterion.is_finite() && violation.is_finite()) {
             return None;
         }
-        let mut criteria = analysis.criteria;
         if let Some(worn) = answer.worn {
             feasible = problem.is_feasible(&worn);
             criteria = worn;

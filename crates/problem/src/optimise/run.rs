@@ -16,8 +16,9 @@ pub struct Run {
     pub start: u32,
     /// The values of the variables that the DoE does not vary; ignored if the approach varies all.
     pub base: Design,
-    /// The kriging model as JSON, for [`Approach::Kriging`].
-    pub model: Option<Arc<str>>,
+    /// The kriging models as JSON, in the order of [`Problem::measures`](crate::formulation::Problem::measures), for
+    /// [`Approach::Kriging`].
+    pub models: Vec<Arc<str>>,
     /// The design that the search begins at; a random point without one. A search on a model evaluates
     /// it first, a direct search begins with a shorter step.
     pub from: Option<Design>,

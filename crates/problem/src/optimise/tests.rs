@@ -18,7 +18,7 @@ fn of(problem: &Problem, approach: Approach, start: u32, model: Option<&str>) ->
         approach,
         start,
         base: problem.base().clone(),
-        model: model.map(Into::into),
+        models: model.map(Into::into).into_iter().collect(),
         from: None,
     }
 }
@@ -163,8 +163,9 @@ fn a_direct_search_minimises_the_percentile_of_designs_that_keep_the_constraints
     let best = result.best.expect("800 designs reach the feasible region");
     assert!(problem.is_feasible(&best.criteria));
     let again = answer(&problem, Approach::Direct, &best.design, true).unwrap();
-    assert_eq!(again.samples.len(), 12);
-    let percentile = stats::percentile_p90(&again.samples).unwrap();
+    let samples = again.samples.unwrap();
+    assert_eq!(samples.len(), 12);
+    let percentile = stats::percentile_p90(samples.values()).unwrap();
     assert_eq!(percentile.p90, best.criterion);
     // Two analyses per design, and samples only of feasible designs.
     let most = 14 * result.evaluations;
@@ -181,7 +182,7 @@ fn a_search_on_a_model_begins_at_the_best_design_and_never_ends_worse() {
     let text = "kind = \"external\"\nformat = 1\nname = \"branin\"\nseed = 1\n\
         [[variables]]\nname = \"a\"\nlow = -5.0\nhigh = 10.0\n\
         [[variables]]\nname = \"b\"\nlow = 0.0\nhigh = 15.0\n\
-        [response]\nname = \"y\"\n[doe]\ndesigns = 60\n[sampling]\nsamples_per_design = 30\n";
+        [[responses]]\nname = \"y\"\n[doe]\ndesigns = 60\n[sampling]\nsamples_per_design = 30\n";
     let branin = |a: f64, b: f64| {
         let pi = std::f64::consts::PI;
         let bowl = b - 5.1 / (4.0 * pi * pi) * a * a + 5.0 / pi * a - 6.0;
@@ -230,7 +231,7 @@ fn a_search_on_a_model_begins_at_the_best_design_and_never_ends_worse() {
                             criteria: Criteria::new(Vec::new()),
                         },
                         worn: None,
-                        samples: Vec::new(),
+                        samples: None,
                     })
                 });
                 let answers = answers.collect();

@@ -3,6 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ledger::{Kind, StreamId, Unit};
+use stats::Samples;
 use stats::streams::{Purpose, stream};
 
 use super::{Candidate, Evaluation, FIRST_INFILL, Failure, Outcome, Output, Source, VERIFICATION};
@@ -79,8 +80,8 @@ pub fn compute_until(
             };
             let names = Names::of(simulator.problem(), stream);
             let output =
-                |samples: &[f64]| (!samples.is_empty()).then(|| Output::Samples(samples.to_vec()));
-            let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+                |samples: &Samples| (!samples.is_empty()).then(|| Output::Samples(samples.clone()));
+            let keep_going = |drawn: &Samples| keep_going(&|| output(drawn));
             let problem = simulator.problem();
             let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
             Outcome {
@@ -224,17 +225,18 @@ fn design(
     };
     let gets_samples = ruled_out.is_none() && !unit.samples.is_empty();
     // If samples were requested, criteria alone are not an output.
-    let output = |samples: &[f64]| {
+    let output = |samples: &Samples| {
         (!gets_samples || !samples.is_empty()).then(|| Output::Design {
             responses: responses.clone(),
             ruled_out: ruled_out.clone(),
-            samples: samples.to_vec(),
+            samples: samples.clone(),
         })
     };
+    let none = Samples::none(problem.sampled().len());
     if !gets_samples {
-        return done(output(&[]));
+        return done(output(&none));
     }
-    let keep_going = |drawn: &[f64]| keep_going(&|| output(drawn));
+    let keep_going = |drawn: &Samples| keep_going(&|| output(drawn));
     let names = Names::of(problem, unit.stream);
     let (samples, failure) = draw(problem, design.as_mut(), names, unit, &keep_going);
     // The criteria of a design whose samples fail are stored without them, if the failure is a result.
@@ -243,7 +245,7 @@ fn design(
     let alone = || Output::Design {
         responses: responses.clone(),
         ruled_out: None,
-        samples: Vec::new(),
+        samples: none.clone(),
     };
     Outcome {
         output: output(&samples).or_else(|| has_criteria.then(alone)),
@@ -344,8 +346,8 @@ impl Names {
         stats::normal_coefficients(coefficients, seed, purpose, design, sample, count)
     }
 
-    /// The response of one sample, which does not depend on the other samples drawn.
-    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<f64, NoAnswer> {
+    /// One sample, which does not depend on the other samples drawn.
+    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<Vec<f64>, NoAnswer> {
         let sample = u64::from(index);
         match self.coefficients {
             stats::Sampling::Independent => {
@@ -375,21 +377,20 @@ pub fn random_values(
     inputs.values(design, &scores).ok()
 }
 
-/// Samples of the response, each from its own random stream, until one fails.
+/// Samples of the responses, each from its own random stream, until one fails.
 fn draw(
     problem: &Problem,
     design: &mut dyn Prepared,
     names: Names,
     unit: &Unit,
-    keep_going: &dyn Fn(&[f64]) -> bool,
-) -> (Vec<f64>, Option<Failure>) {
-    let mut drawn = Vec::with_capacity(unit.samples.len());
-    let mut sample = |index: u32| -> Result<f64, NoAnswer> {
+    keep_going: &dyn Fn(&Samples) -> bool,
+) -> (Samples, Option<Failure>) {
+    let mut drawn = Samples::none(problem.sampled().len());
+    let mut sample = |index: u32| -> Result<Vec<f64>, NoAnswer> {
         let sample = guarded(|| names.draw(design, index)).map_err(|panic| panicked(&panic))??;
         let sample = problem.sample_of(sample);
-        let name = &problem.sampled().name;
-        let checked = problem.check_sample(sample);
-        checked.map_err(|why| NoAnswer::Failed(format!("{name} {why}")))?;
+        let checked = problem.check_sample(&sample);
+        checked.map_err(|(name, why)| NoAnswer::Failed(format!("{name} {why}")))?;
         Ok(sample)
     };
     for index in unit.samples.clone() {
@@ -397,7 +398,7 @@ fn draw(
             break;
         }
         match sample(index) {
-            Ok(sample) => drawn.push(sample),
+            Ok(sample) => drawn.push(&sample),
             Err(why) => {
                 let place = format!("{}, sample {index}", unit.stream);
                 return (drawn, Some(Failure::at(place, Some(index), why)));

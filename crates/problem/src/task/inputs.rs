@@ -46,7 +46,7 @@ impl Inputs {
                 if let Some(from) = &run.from {
                     from.values().iter().copied().for_each(&mut number);
                 }
-                hash.update(run.model.as_deref().unwrap_or_default());
+                run.models.iter().for_each(|model| hash.update(&**model));
             }
             Source::Candidates(candidates) => {
                 for candidate in candidates {

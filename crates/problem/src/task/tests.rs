@@ -34,7 +34,7 @@ fn design(samples: std::ops::Range<u32>) -> Unit {
 
 fn drawn(output: Option<Output>) -> Vec<f64> {
     match output {
-        Some(Output::Design { samples, .. } | Output::Samples(samples)) => samples,
+        Some(Output::Design { samples, .. } | Output::Samples(samples)) => samples.into_values(),
         other => panic!("no samples: {other:?}"),
     }
 }
@@ -67,7 +67,7 @@ fn a_flank_class_changes_the_samples_alone() {
     let parts = |problem: &Problem| match compute(problem, &design(2..7), &source).unwrap() {
         Output::Design {
             responses, samples, ..
-        } => (responses, samples),
+        } => (responses, samples.into_values()),
         other => panic!("{other:?}"),
     };
     let (with, without) = (parts(&problem), parts(&perfect));
@@ -230,8 +230,8 @@ impl Prepared for Ready<'_> {
         })
     }
 
-    fn sample(&mut self, _: &mut stats::streams::StreamRng) -> Result<f64, NoAnswer> {
-        (self.0.sample)()
+    fn sample(&mut self, _: &mut stats::streams::StreamRng) -> Result<Vec<f64>, NoAnswer> {
+        Ok(vec![(self.0.sample)()?])
     }
 }
 
@@ -325,7 +325,7 @@ fn a_generation_is_the_digest_of_what_values_depend_on() {
         approach: Approach::Kriging,
         start,
         base: problem().base().clone(),
-        model: Some(model.into()),
+        models: vec![model.into()],
         from: None,
     };
     let of_run = |run: Run| inputs.generation(run.stream(), &Source::Run(run));

@@ -15,7 +15,7 @@ fn with(from: &str, to: &str) -> Result<Campaign, String> {
 }
 
 const STRESS: &str =
-    "[[constraints]]\nname = \"stress\"\nunit = \"MPa\"\nmin = 0.0\nmax = 200.0\n\n[response]";
+    "[[constraints]]\nname = \"stress\"\nunit = \"MPa\"\nmin = 0.0\nmax = 200.0\n\n[[responses]]";
 
 #[test]
 fn the_shipped_example_is_a_problem_without_gears() {
@@ -24,7 +24,7 @@ fn the_shipped_example_is_a_problem_without_gears() {
     assert_eq!(Campaign::from_json(&campaign.to_json()).unwrap(), campaign);
     let problem = Problem::new(campaign);
     assert_eq!(problem.free_names().collect::<Vec<_>>(), ["x1", "x2", "x3"]);
-    assert_eq!(problem.sampled().name, "y");
+    assert_eq!(problem.sampled()[0].name, "y");
     let approaches: Vec<Approach> = problem.approaches().collect();
     assert_eq!(
         approaches,
@@ -41,7 +41,7 @@ fn as_many_variables_are_accepted_as_a_design_of_experiments_has() {
         let more = (4..=count)
             .map(|i| format!("[[variables]]\nname = \"x{i}\"\nlow = 0.0\nhigh = 1.0\n\n"));
         let more: String = more.collect();
-        with("[response]", &format!("{more}[response]"))
+        with("[[responses]]", &format!("{more}[[responses]]"))
     };
     assert_eq!(of(20).unwrap().name, "ishigami");
     let error = of(21).unwrap_err();
@@ -53,7 +53,7 @@ fn as_many_variables_are_accepted_as_a_design_of_experiments_has() {
 
 #[test]
 fn limits_of_either_side_are_constraints_and_their_values_the_criteria() {
-    let problem = Problem::new(with("[response]", STRESS).unwrap());
+    let problem = Problem::new(with("[[responses]]", STRESS).unwrap());
     let broken = problem.constraints(&Criteria::new(vec![250.0]));
     assert_eq!(broken.len(), 2);
     assert!(broken[0].holds() && !broken[1].holds());
@@ -71,7 +71,7 @@ fn limits_of_either_side_are_constraints_and_their_values_the_criteria() {
 fn a_response_to_be_maximised_keeps_its_name_and_sign_and_its_level_counts_from_above() {
     let campaign = with("aim = \"minimise\"", "aim = \"maximise\"").unwrap();
     let problem = Problem::new(campaign.clone());
-    assert_eq!(problem.sampled().name, "y");
+    assert_eq!(problem.sampled()[0].name, "y");
     assert_eq!(problem.cost(2.0), -2.0);
     let sampling = &problem.campaign().sampling;
     assert_eq!(
@@ -112,13 +112,13 @@ fn what_is_wrong_is_named_with_its_line() {
         ("designs = 150", "designs = 1", "doe.designs is 1"),
         ("[doe]", "[pair]\nteeth = 3\n[doe]", "pair"),
         (
-            "[response]",
-            "[[constraints]]\nname = \"s\"\n[response]",
+            "[[responses]]",
+            "[[constraints]]\nname = \"s\"\n[[responses]]",
             "constraints[1].max is missing",
         ),
         (
-            "[response]",
-            "[[constraints]]\nname = \"s\"\nmin = 2.0\nmax = 1.0\n[response]",
+            "[[responses]]",
+            "[[constraints]]\nname = \"s\"\nmin = 2.0\nmax = 1.0\n[[responses]]",
             "a number above min, which is 2.0",
         ),
     ] {
@@ -134,35 +134,41 @@ fn what_is_wrong_is_named_with_its_line() {
 fn a_value_beyond_the_limits_of_the_response_is_none() {
     let limited = |lines: &str| {
         with(
-            "[response]\n",
-            &format!("[response]\n{lines}\nunit = \"mm\"\n"),
+            "[[responses]]\n",
+            &format!("[[responses]]\n{lines}\nunit = \"mm\"\n"),
         )
     };
     let campaign = limited("min = -50.0\nmax = 100.0").unwrap();
     assert_eq!(Campaign::from_json(&campaign.to_json()).unwrap(), campaign);
     let problem = Problem::new(campaign.clone());
     for plausible in [-50.0, 0.0, 100.0] {
-        problem.check_sample(plausible).unwrap();
+        problem.check_sample(&[plausible]).unwrap();
     }
     for (value, says) in [
         (
             1e50,
-            "is 1e50 mm, above the largest plausible value 100.0 mm (response.max)",
+            "is 1e50 mm, above the largest plausible value 100.0 mm (max of the response)",
         ),
         (
             -50.5,
-            "is -50.5 mm, below the smallest plausible value -50.0 mm (response.min)",
+            "is -50.5 mm, below the smallest plausible value -50.0 mm (min of the response)",
         ),
         (1e160, "is 1e160, but numbers beyond ±1e100"),
         (f64::NAN, "is NaN, which is not a number"),
     ] {
-        assert!(problem.check_sample(value).unwrap_err().starts_with(says));
+        assert!(
+            problem
+                .check_sample(&[value])
+                .unwrap_err()
+                .1
+                .starts_with(says)
+        );
         // The response without random effects has the same limits.
         let error = problem.check_responses(&[value]).unwrap_err();
         assert!(error.starts_with(&format!("y {says}")), "{error}");
     }
     // A failed sample is infinite.
-    problem.check_sample(f64::INFINITY).unwrap();
+    problem.check_sample(&[f64::INFINITY]).unwrap();
 
     // Other limits change no number, so that the store keeps its samples.
     let free = limited("").unwrap();
@@ -173,11 +179,11 @@ fn a_value_beyond_the_limits_of_the_response_is_none() {
     for (lines, says) in [
         (
             "max = inf",
-            "response.max is inf, but must be a finite number",
+            "responses[1].max is inf, but must be a finite number",
         ),
         (
             "min = 2.0\nmax = 1.0",
-            "response.max is 1.0, but must be a number above min, which is 2.0",
+            "responses[1].max is 1.0, but must be a number above min, which is 2.0",
         ),
     ] {
         let error = limited(lines).unwrap_err();

@@ -47,8 +47,8 @@ impl Prepared for Ready {
         })
     }
 
-    fn sample(&mut self, _rng: &mut StreamRng) -> Result<f64, NoAnswer> {
-        Ok(self.0.delta_ste_um)
+    fn sample(&mut self, _rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer> {
+        Ok(vec![self.0.delta_ste_um])
     }
 }
 
@@ -80,7 +80,7 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
         approach: Approach::Baseline,
         start,
         base: made.problem.base().clone(),
-        model: None,
+        models: Vec::new(),
         from: None,
     };
     optimise::run(&made, &run).unwrap()

@@ -58,7 +58,7 @@ fn every_measure_has_its_keys_its_name_and_its_columns() {
             let changes: Vec<_> = stated.into_iter().chain(aim).collect();
             let problem = with(&changes).unwrap();
             assert_eq!(problem.measured().name, name);
-            let sampling = problem.campaign().sampling;
+            let sampling = &problem.campaign().sampling;
             assert_eq!(sampling.measure_column(), column);
             // Of 1 … 1000 with both signs: the verified measure and the estimate agree.
             let samples: Vec<f64> = (0..1000).map(|i| 0.01 * f64::from(i) - 5.0).collect();
@@ -129,7 +129,8 @@ fn failed_samples_count_in_every_measure() {
         let sampling = with(&[(MEASURE, lines), (LEVEL, "")])
             .unwrap()
             .campaign()
-            .sampling;
+            .sampling
+            .clone();
         sampling.estimate(&samples).unwrap().chosen.value
     };
     let percentile = estimate("measure = \"percentile\"");
@@ -206,8 +207,8 @@ const OFFSET: &str = "name = \"offset\"\ndistribution = \"normal\"";
 #[test]
 fn random_inputs_follow_their_formulas_and_correlations() {
     let more = "[[random]]\nname = \"load\"\ndistribution = \"uniform\"\nlow = \"x1\"\nhigh = \"x1 + 2 * x2 ^ 2\"\n\n\
-                [[correlations]]\nbetween = [\"load\", \"offset\"]\nvalue = 0.6\n\n[response]";
-    let problem = with(&[("[response]", more)]).unwrap();
+                [[correlations]]\nbetween = [\"load\", \"offset\"]\nvalue = 0.6\n\n[[responses]]";
+    let problem = with(&[("[[responses]]", more)]).unwrap();
     let inputs = problem.random().unwrap();
     let design = Design::new(vec![1.0, 2.0, 0.0]);
     assert_eq!(inputs.means(&design).unwrap(), [0.0, 5.0]);
@@ -272,7 +273,7 @@ fn random_inputs_without_a_distribution_are_refused_by_line_and_key() {
         let error = refused(&[("sd = 0.5 ", to)]);
         assert!(error.contains(says), "{error}");
     }
-    let pair = |lines: &str| format!("[[correlations]]\n{lines}\n\n[response]");
+    let pair = |lines: &str| format!("[[correlations]]\n{lines}\n\n[[responses]]");
     for (lines, says) in [
         (
             "between = [\"offset\", \"x1\"]\nvalue = 0.5",
@@ -283,7 +284,7 @@ fn random_inputs_without_a_distribution_are_refused_by_line_and_key() {
             "two random inputs",
         ),
     ] {
-        let error = refused(&[("[response]", &pair(lines))]);
+        let error = refused(&[("[[responses]]", &pair(lines))]);
         assert!(error.contains(says), "{error}");
     }
 }

@@ -165,6 +165,7 @@ mod tests {
         });
         let response = variance.map(|measure_variance| ResponseRow {
             design: 0,
+            number: 0,
             mean: 1.0,
             standard_deviation: 1.0,
             measure: 2.0,

@@ -6,6 +6,7 @@ use ledger::StreamId;
 use problem::Approach;
 use problem::formulation::Problem;
 use stages::names;
+use stats::Samples;
 use store::{EvaluationRow, Store};
 
 use super::{Destination, numbers, quantity};
@@ -24,8 +25,11 @@ pub(super) async fn write<W: Write + Send>(
     columns.extend(problem.variables().iter().map(quantity));
     columns.extend([Column::whole("simulable"), Column::text("reason")]);
     // The response without random effects.
-    columns.push(quantity(problem.sampled()));
-    columns.extend(problem.criteria().iter().map(quantity));
+    let response = &problem.objective().response;
+    let sampled = problem.sampled();
+    let baseline = sampled.iter().find(|one| one.name == response.name);
+    columns.push(quantity(baseline.unwrap_or(&sampled[0])));
+    columns.extend(problem.deterministic().iter().map(quantity));
     columns.extend([Column::whole("samples"), statistic(problem, "{p}")]);
     let mut out = out.table(columns)?;
     for approach in Approach::OPTIMISED {
@@ -63,11 +67,14 @@ fn cells(problem: &Problem, first: Vec<Cell>, row: EvaluationRow) -> Vec<Cell> {
     ]);
     // Those that decide whether the design is feasible.
     let criteria = row.worn_criteria.or(row.criteria);
-    cells.extend(numbers(criteria.as_deref(), problem.criteria().len()));
+    cells.extend(numbers(criteria.as_deref(), problem.deterministic().len()));
     let samples = row.samples.unwrap_or_default();
-    let measure = problem.campaign().sampling.estimate(&samples).ok();
+    let samples = Samples::new(problem.sampled().len(), samples);
+    let values = samples.map(|samples| problem.objective().values(&samples));
+    let values = values.unwrap_or_default();
+    let measure = problem.campaign().sampling.estimate(&values).ok();
     cells.extend(row![
-        samples.len(),
+        values.len(),
         measure.map(|estimate| estimate.chosen.value),
     ]);
     cells

@@ -7,12 +7,13 @@
 
 use std::collections::BTreeMap;
 
-use problem::formulation::Problem;
+use problem::formulation::{Measured, Problem};
 use stages::cost::Cost;
-use stages::responses::{Samples, response_of};
+use stages::doe::Doe;
+use stages::responses::{Controlled, response_of};
 use stages::{choosing, names, optima};
-use stats::Verified;
-use store::{CriteriaRow, DesignRow, Progress, ResponseRow, Store};
+use stats::{Samples, Verified};
+use store::{Progress, ResponseRow, Store};
 
 use crate::live::views::{BestOfDoe, Point};
 use crate::optima::Optima;
@@ -29,12 +30,10 @@ const SAMPLES_AT_ONCE: usize = 100_000;
 pub(crate) struct Designs {
     /// The store's progress at the last reading.
     seen: Option<Progress>,
-    designs: Vec<DesignRow>,
-    criteria: Vec<CriteriaRow>,
-    /// The campaign's responses; empty until they are computed.
-    responses: Vec<ResponseRow>,
-    /// Percentiles of the first samples; `None` if too many samples failed.
-    preliminary: BTreeMap<u64, Option<ResponseRow>>,
+    /// The DoE, whose responses are empty until they are computed.
+    doe: Doe,
+    /// Measures of the first samples, of the objective first; empty if too many samples failed.
+    preliminary: BTreeMap<u64, Vec<ResponseRow>>,
     /// Whether more designs have their first samples than are in `preliminary`.
     is_behind: bool,
 }
@@ -53,14 +52,10 @@ impl Designs {
         let now = store.progress().await?;
         let is_new = self.seen.as_ref() != Some(&now);
         if is_new {
-            if self.designs.len() as u64 != now.designs {
-                self.designs = store.designs().await?;
-            }
-            self.criteria = store.criteria().await?;
-            self.responses = store.responses().await?;
+            self.doe = Doe::read(store).await?;
             self.seen = Some(now);
         }
-        if !self.responses.is_empty() {
+        if !self.doe.responses.is_empty() {
             self.preliminary.clear();
             self.is_behind = false;
         } else if is_new || self.is_behind {
@@ -70,8 +65,7 @@ impl Designs {
     }
 
     async fn estimate(&mut self, store: &Store, problem: &Problem) -> Result<(), store::Error> {
-        let sampling = &problem.campaign().sampling;
-        let wanted = sampling.samples_per_design as usize;
+        let wanted = problem.campaign().sampling.samples_per_design as usize;
         let counts = store.sampled_counts().await?;
         let mut waiting = counts
             .into_iter()
@@ -82,13 +76,19 @@ impl Designs {
             .into_iter();
         let at_once = (SAMPLES_AT_ONCE / wanted.max(1)).clamp(1, DESIGNS_AT_ONCE);
         for design in waiting.by_ref().take(at_once) {
-            let held = store.samples_of(names::design(design)).await?;
-            let first = held.iter().zip(0..wanted as u64);
-            let first = first.take_while(|((sample, _), place)| sample == place);
-            let values: Vec<f64> = first.map(|((_, value), _)| *value).collect();
-            let row = response_of(design, Samples::plain(&values), sampling).ok();
-            self.preliminary
-                .insert(design, row.filter(|_| values.len() == wanted));
+            let mut first = Samples::none(problem.sampled().len());
+            if let Some(held) = store.first_samples_of(names::design(design)).await? {
+                first.extend(&held, wanted);
+            }
+            let row = |(number, measured): (u64, &Measured)| {
+                let values = measured.values(&first);
+                let plain = Controlled::plain(&values);
+                let row = response_of(design, plain, measured.sampling()).ok()?;
+                Some(ResponseRow { number, ..row })
+            };
+            let rows = (0..).zip(problem.measures()).map_while(row);
+            let rows = rows.filter(|_| first.len() == wanted).collect();
+            self.preliminary.insert(design, rows);
         }
         self.is_behind = waiting.len() > 0;
         Ok(())
@@ -96,23 +96,29 @@ impl Designs {
 
     /// Whether the measures are preliminary, computed from the first samples only.
     pub(crate) fn is_preliminary(&self) -> bool {
-        self.responses.is_empty()
+        self.doe.responses.is_empty()
     }
 
-    /// The measures, ordered by design.
+    /// The measures that are optimised, ordered by design.
     pub(crate) fn responses(&self) -> Vec<ResponseRow> {
-        if self.responses.is_empty() {
-            self.preliminary.values().flatten().copied().collect()
+        if self.is_preliminary() {
+            self.preliminary_rows()
+                .filter(|row| row.number == 0)
+                .collect()
         } else {
-            self.responses.clone()
+            self.doe.responses.clone()
         }
+    }
+
+    fn preliminary_rows(&self) -> impl Iterator<Item = ResponseRow> {
+        self.preliminary.values().flatten().copied()
     }
 
     /// The designs that have a measure.
     pub(crate) fn points(&self) -> Vec<Point> {
         let rows = self.responses();
         let point = |row: &ResponseRow| {
-            let design = self.designs.get(row.design as usize)?;
+            let design = self.doe.designs.get(row.design as usize)?;
             // A design without a measure: too many of its samples failed.
             if !row.measure.is_finite() {
                 return None;
@@ -132,14 +138,22 @@ impl Designs {
         // Before the first samples, no base is known.
         let base = optima::base(problem, chosen).unwrap_or_else(|| problem.base().clone());
         let responses = self.responses();
-        let optimum = choosing::choose_of_doe(
-            problem,
-            &base,
-            &self.designs,
-            &self.criteria,
-            &responses,
-            Cost::default(),
-        );
+        let doe = match self.is_preliminary() {
+            false => self.doe.clone(),
+            true => {
+                let mut limited: Vec<ResponseRow> = self
+                    .preliminary_rows()
+                    .filter(|row| row.number > 0)
+                    .collect();
+                limited.sort_by_key(|row| row.number);
+                Doe {
+                    responses: responses.clone(),
+                    limited,
+                    ..self.doe.clone()
+                }
+            }
+        };
+        let optimum = choosing::choose_of_doe(problem, &base, &doe, Cost::default());
         let found = optimum.found.ok()?;
         let response = responses
             .iter()

@@ -391,9 +391,11 @@ impl Site {
         let rows = self.store.rounds().await?;
         let infill = self.store.infill().await?;
         let point = names::verification(Approach::EnrichedKriging);
-        let verified = self.store.values_of(point).await?;
+        let verified = self.store.first_samples_of(point).await?;
+        let verified = verified.map(|samples| problem.objective().values(&samples));
+        let verified = verified.unwrap_or_default();
         let enrichment = report::rounds(problem, &rows, &infill, &verified)?;
-        let measure = problem.measured().name.into_owned();
+        let measure = problem.measured().name.to_string();
         in_background(move || views::rounds(enrichment.as_ref(), &measure)).await
     }
 }

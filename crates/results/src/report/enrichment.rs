@@ -7,7 +7,6 @@ use stages::rounds::Round;
 use stages::snapshot::response_counts;
 use store::{InfillRow, RoundRow, Store};
 
-use crate::optima::VerifiedOptimum;
 use crate::snapshot::Snapshot;
 
 /// Rounds of infill points near the optimum, on top of the DoE.
@@ -61,14 +60,14 @@ pub(super) async fn of(store: &Store, snapshot: &Snapshot) -> anyhow::Result<Opt
         return Ok(None);
     }
     let verified = snapshot.optima.of(Approach::EnrichedKriging);
-    let verified = verified.map_or(&[][..], VerifiedOptimum::samples);
+    let verified = verified.map(|optimum| optimum.values(&snapshot.problem));
     let rounds = rounds(
         &snapshot.problem,
         &snapshot.rounds,
         &snapshot.infill,
-        verified,
+        &verified.unwrap_or_default(),
     )?;
-    let counts = response_counts(store, &snapshot.problem.campaign().sampling).await?;
+    let counts = response_counts(store, &snapshot.problem).await?;
     Ok(rounds.map(|enrichment| Enrichment {
         doe_samples: counts.values().sum(),
         ..enrichment

@@ -60,10 +60,12 @@ pub(super) fn scatter(snapshot: &Snapshot) -> Vec<ScatterShare> {
     ) else {
         return Vec::new();
     };
-    let known = (0..).zip(best.samples()).filter_map(|(sample, &value)| {
-        let values = random_values(problem, stream, &found.design, sample)?;
-        value.is_finite().then_some((values, value))
-    });
+    let known = (0..)
+        .zip(best.values(problem))
+        .filter_map(|(sample, value)| {
+            let values = random_values(problem, stream, &found.design, sample)?;
+            value.is_finite().then_some((values, value))
+        });
     let (values, output): (Vec<Vec<f64>>, Vec<f64>) = known.unzip();
     let named = inputs.quantities().iter().enumerate();
     let mut shares: Vec<ScatterShare> = named

@@ -2,7 +2,7 @@
 
 use problem::file::{EstimatorRule, SIGNIFICANCE, Sampling};
 use stages::references::design;
-use stages::responses::{self, Samples};
+use stages::responses::{self, Controlled};
 use stats::Verified;
 
 use super::drawing::{self, Illustration};
@@ -141,14 +141,14 @@ fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
     let k = sampling.samples_per_design as usize;
     let of_paper = Sampling {
         estimator: Some(EstimatorRule::Paper),
-        ..*sampling
+        ..sampling.clone()
     };
     let rows = paper::PRELIMINARY.iter().enumerate();
     rows.filter_map(|(row, printed)| {
         let samples = snapshot.printed.get(&Place::Preliminary(row))?;
         // As many as the paper's: the p value falls with the number of samples.
         let samples = &samples[..samples.len().min(paper::ACCURATE_SAMPLES)];
-        let plain = Samples::plain(samples);
+        let plain = Controlled::plain(samples);
         let response = responses::response(0, plain, &of_paper).ok()?;
         let variance =
             stats::p90_variance(response.standard_deviation.powi(2), k, of_paper.normal().z);

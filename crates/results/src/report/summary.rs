@@ -2,13 +2,13 @@
 
 use problem::Approach;
 use problem::formulation::Constraint;
-use stats::Verified;
+use stats::{Samples, Verified};
 
 use super::contents::Report;
 use super::head;
 use super::quantity::{NamedValue, approach_name, variables};
 use crate::number::{count, digits_of, estimate, interval, percent, seconds, with_unit};
-use crate::optima::{VerifiedOptimum, is_ranked};
+use crate::optima::{VerifiedLimit, VerifiedOptimum, is_ranked};
 
 /// The summary as text.
 pub(crate) struct SummaryView<'a> {
@@ -66,7 +66,12 @@ impl RecommendedView {
         let sentences = [others(report), cost(report, best)];
         Self {
             variables: found.map_or_else(Vec::new, |found| variables(problem, &found.design)),
-            margins: best.constraints.iter().map(margin).collect(),
+            margins: best
+                .constraints
+                .iter()
+                .map(margin)
+                .chain(best.limits.iter().map(limit))
+                .collect(),
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
             left_out: head::left_out(problem),
         }
@@ -94,11 +99,30 @@ fn margin(constraint: &Constraint) -> [String; 4] {
     ]
 }
 
+/// The same of a constraint on samples, whose margin is the confidence that it holds.
+fn limit(limit: &VerifiedLimit) -> [String; 4] {
+    let VerifiedLimit {
+        constraint,
+        measure,
+        unit,
+        value,
+        ..
+    } = limit;
+    let ends = value.low.zip(value.high);
+    let ends = ends.map_or_else(String::new, |ends| format!(" ({})", interval(ends, 3)));
+    [
+        format!("{constraint}: {measure}"),
+        format!("{}{ends}", with_unit(value.value, 3, unit)),
+        format!("{} {}", limit.relation, with_unit(limit.limit, 4, unit)),
+        limit.confidence_in_words(),
+    ]
+}
+
 fn headline(report: &Report, best: &VerifiedOptimum) -> String {
     let problem = report.problem();
     let response = match problem.gears() {
         Some(_) => "ΔSTE",
-        None => &problem.sampled().name,
+        None => &problem.objective().response.name,
     };
     let unit = &problem.measured().unit;
     let ends = best.measure.and_then(|measure| measure.interval);
@@ -113,7 +137,7 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
         "The recommended design has a verified {} of {response} of {value} ({interval}, {} samples). It was found \
          by the approach “{}”.",
         report.snapshot.measure_name(),
-        count(best.samples().len() as u64),
+        count(best.samples().map_or(0, Samples::len) as u64),
         approach_name(problem, best.optimum.approach),
     );
     if ends.is_none() {

@@ -9,10 +9,11 @@ use stages::stage::Stage;
 use store::{SampleTally, Store};
 
 use super::{
-    DesignCounts, EnrichmentStatus, Estimate, FailureGroup, OptimumStatus, Progress, SampleCounts,
-    Status, UnfinishedRun,
+    DesignCounts, EnrichmentStatus, FailureGroup, OptimumStatus, Progress, SampleCounts, Status,
+    UnfinishedRun,
 };
 use crate::costs::{self, Times};
+use crate::estimate::Estimate;
 use crate::optima::{Optima, VerifiedOptimum};
 use crate::{doubts, snapshot};
 
@@ -41,6 +42,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     // No coordinator has seen the campaign yet.
     let stage = stage.unwrap_or(Stage::Doe);
     let mut warnings = doubts::of(store, &problem).await?;
+    warnings.extend(found.doubts(&problem));
     if stage == Stage::Done {
         let open = store
             .missing_work(per_design, &BTreeMap::new())
@@ -196,6 +198,7 @@ impl OptimumStatus {
                 wanted: wanted as u64,
             },
             measure: verified.measure.map(Estimate::from),
+            limits: verified.limits.clone(),
             behind: verified.behind.map(Estimate::from),
         }
     }

@@ -95,6 +95,7 @@ async fn time_to_go_is_that_of_the_stage() {
 
     status.stage = Stage::Verify;
     let optimum = |done| OptimumStatus {
+        limits: Vec::new(),
         approach: "kriging".to_owned(),
         criterion: Some(1.5),
         measure: None,

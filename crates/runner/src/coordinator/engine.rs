@@ -96,7 +96,7 @@ impl Engine {
         let searches = &mut Searches::default();
         let sizes = &mut Sizes::default();
         let mut has_control = !self.campaign().is_external();
-        let more = &mut snapshot::wants_more(&self.store, &self.campaign().sampling).await?;
+        let more = &mut snapshot::wants_more(&self.store, &self.problem).await?;
         let repeats = &mut Repeats::default();
         loop {
             if shutdown.is_cancelled() || self.board.is_drained() {

@@ -7,6 +7,7 @@ use problem::formulation::Problem;
 use problem::task::{Evaluation, Output};
 use stages::names::{stream_name, time_part};
 use stages::{derived, searching};
+use stats::Samples;
 use store::{Batch, CriteriaRow, JobTimeRow, OptimiserRunRow, SampleBlock};
 
 /// The result of one unit, read and checked.
@@ -32,7 +33,7 @@ pub fn read(
     result: &UnitResult,
 ) -> Result<CheckedResult, crate::protocol::Malformed> {
     let named = |stream, why: &str| format!("{}: {why}", stream_name(stream));
-    let (unit, output) = match crate::protocol::output(result) {
+    let (unit, output) = match crate::protocol::output(result, problem.sampled().len()) {
         Ok(read) => read,
         Err(malformed) => {
             // A malformed result counts as a failure of its stream.
@@ -78,12 +79,11 @@ pub(crate) fn rows(
 ) -> Result<Batch, String> {
     let mut batch = Batch::default();
     let stream = unit.stream;
-    let block = |samples: Vec<f64>| {
+    let block = |samples: Samples| {
         let first_sample = u64::from(unit.samples.start);
-        let name = &problem.sampled().name;
-        for (sample, value) in (first_sample..).zip(&samples) {
-            let checked = problem.check_sample(*value);
-            checked.map_err(|why| format!("{name} of sample {sample} {why}"))?;
+        for (sample, values) in (first_sample..).zip(samples.rows()) {
+            let checked = problem.check_sample(values);
+            checked.map_err(|(name, why)| format!("{name} of sample {sample} {why}"))?;
         }
         Ok::<_, String>(SampleBlock {
             stream,
@@ -156,7 +156,7 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluation) -> Result<(), Str
     let Ok(answer) = &evaluated.answer else {
         return Ok(());
     };
-    let expected = problem.criteria().len();
+    let expected = problem.deterministic().len();
     let all = [Some(&answer.analysis.criteria), answer.worn.as_ref()];
     for criteria in all.into_iter().flatten() {
         let values = criteria.values();
@@ -167,11 +167,15 @@ fn check_evaluation(problem: &Problem, evaluated: &Evaluation) -> Result<(), Str
             return Err(format!("has a criterion that is {value}"));
         }
     }
-    let value = problem.has_baseline().then_some(answer.analysis.value);
-    let mut samples = value.iter().chain(&answer.samples);
-    samples.try_for_each(|sample| {
-        let checked = problem.check_sample(*sample);
-        checked.map_err(|why| format!("has a {} that {why}", problem.sampled().name))
+    if problem.has_baseline() {
+        let checked = problem.check_baseline(answer.analysis.value);
+        let name = &problem.objective().response.name;
+        checked.map_err(|why| format!("has a {name} that {why}"))?;
+    }
+    let mut samples = answer.samples.iter().flat_map(Samples::rows);
+    samples.try_for_each(|values| {
+        let checked = problem.check_sample(values);
+        checked.map_err(|(name, why)| format!("has a {name} that {why}"))
     })
 }
 
@@ -229,7 +233,7 @@ mod tests {
                 criteria: Criteria::new(vec![1.0; criteria]),
             },
             worn: None,
-            samples: Vec::new(),
+            samples: None,
         };
         let of_answers = |answers: [Result<Answer, String>; 2]| {
             let evaluated = answers.map(|answer| Evaluation {
@@ -256,12 +260,12 @@ mod tests {
     #[test]
     fn samples_of_a_point_are_stored_for_their_generation_only() {
         let point = unit(StreamId::point(3), 5..7);
-        let batch = of(&point, Ok(Output::Samples(vec![1.0, 2.0])))
+        let batch = of(&point, Ok(Output::Samples(vec![1.0, 2.0].into())))
             .rows
             .unwrap();
         assert_eq!(batch.only_for, Some((point.stream, 0xabcd_0000_1234)));
-        let samples: Vec<(u64, f64)> = batch.samples[0].indexed().collect();
-        assert_eq!(samples, [(5, 1.0), (6, 2.0)]);
+        let samples: Vec<(u64, &[f64])> = batch.samples[0].indexed().collect();
+        assert_eq!(samples, [(5, &[1.0][..]), (6, &[2.0])]);
         assert_eq!(
             (batch.times[0].stream, batch.times[0].part),
             (point.stream, 5)
@@ -272,14 +276,14 @@ mod tests {
     #[test]
     fn samples_beyond_the_limits_of_the_campaign_are_a_failure() {
         let text = include_str!("../../../../campaigns/ishigami/campaign.toml");
-        let text = text.replace("[response]\n", "[response]\nmax = 100.0\n");
+        let text = text.replace("[[responses]]\n", "[[responses]]\nmax = 100.0\n");
         let problem = Problem::new(Campaign::parse("c.toml", &text).unwrap());
         let design = unit(StreamId::design(3), 5..7);
         let of_samples = |samples: [f64; 2], baseline: f64| {
             let output = Output::Design {
                 responses: vec![baseline],
                 ruled_out: None,
-                samples: samples.to_vec(),
+                samples: samples.to_vec().into(),
             };
             let sent = crate::protocol::result(&design, &Ok(Some(output)), 0.0);
             read(&problem, &sent).unwrap().rows
@@ -288,7 +292,7 @@ mod tests {
         for (value, says) in [
             (
                 1e50,
-                "is 1e50, above the largest plausible value 100.0 (response.max)",
+                "is 1e50, above the largest plausible value 100.0 (max of the response)",
             ),
             (1e160, "is 1e160, but numbers beyond ±1e100"),
         ] {
@@ -304,7 +308,7 @@ mod tests {
     fn numbers_that_cannot_be_are_a_failure_of_their_stream() {
         let point = unit(StreamId::point(3), 5..7);
         for (absurd, shown) in [(-5.0, "-5e0"), (1e308, "1e308"), (f64::NAN, "NaN")] {
-            let read = of(&point, Ok(Output::Samples(vec![1.0, absurd])));
+            let read = of(&point, Ok(Output::Samples(vec![1.0, absurd].into())));
             let error = read.rows.unwrap_err();
             let expected = format!("verify-kriging: delta_ste_um of sample 6 is {shown} µm");
             assert!(error.starts_with(&expected), "{error}");

@@ -10,6 +10,7 @@ use ledger::{Delivery, Failure, Generation, LeaseId, StreamId, Unit, Verdict, Wo
 use problem::formulation::Problem;
 use problem::task::{self, Evaluation, Output, Source};
 use stages::{contradiction, names};
+use stats::Samples;
 use store::{Batch, CriteriaRow, FailureKind, FailureRow, OriginRow, Receipt, SampleBlock};
 use tonic::Status;
 use tracing::{debug, error, info, warn};
@@ -213,7 +214,8 @@ impl<R: Recorder> Receiver<'_, R> {
         };
         let first = unit.samples.start;
         let reason = task::failed(failed.stream, first, &failed.error);
-        let failed_sample = self.problem.campaign().sampling.failed_sample();
+        let failed_sample = self.problem.failed_sample();
+        let failed_sample = Samples::new(failed_sample.len(), failed_sample)?;
         let output = match &*source {
             Source::Candidates(candidates) => {
                 let mut candidates = candidates.iter();
@@ -226,7 +228,7 @@ impl<R: Recorder> Receiver<'_, R> {
             Source::Design(_) if unit.samples.is_empty() => Output::Refused(reason),
             // The design's criteria came with the failure, or it has none.
             Source::Design(_) | Source::Point(_) if !unit.samples.is_empty() => {
-                Output::Samples(vec![failed_sample])
+                Output::Samples(failed_sample.clone())
             }
             _ => return None,
         };
@@ -235,7 +237,7 @@ impl<R: Recorder> Receiver<'_, R> {
             batch.samples.push(SampleBlock {
                 stream: unit.stream,
                 first_sample: first.into(),
-                samples: vec![failed_sample],
+                samples: failed_sample,
             });
             if self.problem.responses().is_empty() {
                 batch.criteria.push(CriteriaRow {

@@ -11,6 +11,7 @@ use problem::formulation::Problem;
 use problem::{Approach, Design};
 use stages::cost::{self, Cost};
 use stages::deciding::Rows;
+use stages::doe::Doe;
 use stages::fitting::{self, ModelSummary};
 use stages::linear::LinearResponse;
 use stages::optima::Optimum;
@@ -124,25 +125,14 @@ impl Steps {
     pub(crate) async fn fit(&self, base: Option<&Design>, inputs: &str) -> anyhow::Result<()> {
         let base = base.context("the DoE was sampled before its base variables were known")?;
         let base = base.clone();
-        let criteria = self.store.criteria().await?;
-        let designs = self.store.designs().await?;
-        let responses = self.store.responses().await?;
+        let doe = Doe::read(&self.store).await?;
         let problem = Arc::clone(&self.problem);
-        info!(points = responses.len(), "fitting the kriging model");
-        let (fitted, cpu_seconds) = blocking(move || {
-            let observed = fitting::of_doe(&problem, &base, &designs, &responses, &criteria);
-            fitting::fit(&problem, &observed)
-        })
-        .await?;
+        info!(points = doe.responses.len(), "fitting the kriging model");
+        let (fitted, cpu_seconds) =
+            blocking(move || fitting::fit_all(&problem, &base, &doe, ModelRow::DOE)).await?;
         let derivation = Derivation::new(&DerivedResult::Model, inputs);
-        let (model, summary) = match fitted {
-            Ok((model, summary)) => (
-                model,
-                ModelSummary {
-                    cpu_seconds,
-                    ..summary
-                },
-            ),
+        let models = match fitted {
+            Ok(models) => models,
             Err(error) => {
                 let reason = format!("{error:#}");
                 warn!(%reason, "the kriging model cannot be fitted; approach 3 is left out");
@@ -150,28 +140,42 @@ impl Steps {
                     failure: Some(reason),
                     ..derivation
                 };
-                self.store.put_model(None, &failed).await?;
+                self.store.put_models(&[], &failed).await?;
                 return Ok(());
             }
         };
-        for warning in &summary.warnings {
-            warn!(%warning, "kriging");
+        let mut rows = Vec::new();
+        for ((row, summary), measured) in models.into_iter().zip(self.problem.measures()) {
+            let of = measured.title();
+            for warning in &summary.warnings {
+                warn!(%warning, %of, "kriging");
+            }
+            info!(
+                %of,
+                q2 = rounded(summary.q2),
+                rmse = rounded(summary.rmse),
+                cpu_seconds = rounded(cpu_seconds),
+                "kriging model fitted"
+            );
+            // The time is that of all models; the objective's summary has it.
+            let summary = ModelSummary {
+                cpu_seconds: if row.number == 0 { cpu_seconds } else { 0.0 },
+                ..summary
+            };
+            let summary_json = serde_json::to_string(&summary)?;
+            rows.push(ModelRow {
+                summary_json,
+                ..row
+            });
         }
-        info!(
-            q2 = rounded(summary.q2),
-            rmse = rounded(summary.rmse),
-            cpu_seconds = rounded(cpu_seconds),
-            "kriging model fitted"
-        );
-        let row = fitting::model_row(ModelRow::DOE, &model, &summary)?;
-        self.store.put_model(Some(&row), &derivation).await?;
+        self.store.put_models(&rows, &derivation).await?;
         Ok(())
     }
 
     /// Decides the next round of enrichment and stores it.
     pub(crate) async fn decide_round(&self, base: Design, inputs: &str) -> anyhow::Result<()> {
         let rows = Rows::read(&self.store, &self.problem).await?;
-        for sentence in rows.absurd(&self.problem) {
+        for sentence in rows.absurd() {
             warn!("{sentence}");
         }
         let problem = Arc::clone(&self.problem);
@@ -226,10 +230,8 @@ impl Steps {
                 let cost = self.sampling_cost(base).await?;
                 let base =
                     base.context("the DoE was sampled before its base variables were known")?;
-                let designs = self.store.designs().await?;
-                let criteria = self.store.criteria().await?;
-                let responses = self.store.responses().await?;
-                choosing::choose_of_doe(&self.problem, base, &designs, &criteria, &responses, cost)
+                let doe = Doe::read(&self.store).await?;
+                choosing::choose_of_doe(&self.problem, base, &doe, cost)
             }
             (Approach::EnrichedKriging, _) => {
                 let base = base.context("the base variables are not known")?;
@@ -273,13 +275,27 @@ impl Steps {
         let cost = cost::enrichment(&self.problem, sampling, &rounds, &infill, control, &times);
         let last = rounds.into_iter().last().context("there is no round")?;
         let last = Round::read(last)?;
-        let evaluated = match &last.recommendation {
+        let (evaluated, limited) = match &last.recommendation {
             Some(best) => {
-                constraints::criteria_at(&self.store, &self.problem, base, &best.x).await?
+                let (store, problem) = (&self.store, &self.problem);
+                let evaluated = constraints::criteria_at(store, problem, base, &best.x).await?;
+                (evaluated, self.limited_at(base, &best.x).await?)
             }
-            None => None,
+            None => (None, Vec::new()),
         };
-        rounds::recommended(&self.problem, base, &last, evaluated, cost)
+        rounds::recommended(&self.problem, base, &last, evaluated, &limited, cost)
+    }
+
+    /// The values by which the constraints on samples are judged at a sampled design of the enrichment.
+    async fn limited_at(&self, base: &Design, x: &[f64]) -> anyhow::Result<Vec<f64>> {
+        if self.problem.limited().is_empty() {
+            return Ok(Vec::new());
+        }
+        let rows = Rows::read(&self.store, &self.problem).await?;
+        let (problem, base, x) = (Arc::clone(&self.problem), base.clone(), x.to_vec());
+        Ok(blocking(move || rows.limited_at(&problem, &base, &x))
+            .await?
+            .0)
     }
 
     /// Number of analyses for the control variates of infill points.

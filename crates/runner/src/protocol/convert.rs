@@ -11,6 +11,7 @@ use problem::optimise::Answer;
 use problem::simulator::Analysis;
 use problem::task::{Candidate, Evaluation, Failure, Outcome, Output, Run, Source};
 use problem::{Approach, Criteria, Design};
+use stats::Samples;
 
 use crate::protocol::v1;
 
@@ -110,7 +111,7 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v1::Lease {
             Source::Run(run) => {
                 lease.base = Some(design_message(&run.base));
                 lease.from = run.from.as_ref().map(design_message);
-                lease.model_json = run.model.as_deref().map(str::to_owned);
+                lease.models_json = run.models.iter().map(ToString::to_string).collect();
             }
             Source::Candidates(candidates) => {
                 let wanted = candidates.iter();
@@ -136,7 +137,11 @@ impl v1::Lease {
     /// The units to compute, each with the data that this takes.
     pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
         let mut designs = self.designs.iter();
-        let model: Option<Arc<str>> = self.model_json.as_deref().map(Into::into);
+        let models: Vec<Arc<str>> = self
+            .models_json
+            .iter()
+            .map(|json| (**json).into())
+            .collect();
         let source = |(number, unit): (u32, &v1::Unit)| {
             let unit = Unit::try_from(unit)?;
             if self.candidates.iter().any(|one| one.unit == number) {
@@ -162,7 +167,7 @@ impl v1::Lease {
                         approach,
                         start,
                         base: Design::new(base.values.clone()),
-                        model: model.clone(),
+                        models: models.clone(),
                         from: self
                             .from
                             .as_ref()
@@ -219,10 +224,14 @@ pub fn result(
         })) => {
             result.responses.clone_from(responses);
             result.ruled_out.clone_from(ruled_out);
-            result.samples.clone_from(samples);
+            result.samples = samples.values().to_vec();
+            result.samples_count(samples.len() as u32);
         }
         Ok(Some(Output::Refused(reason))) => result.refused = Some(reason.clone()),
-        Ok(Some(Output::Samples(samples))) => result.samples.clone_from(samples),
+        Ok(Some(Output::Samples(samples))) => {
+            result.samples = samples.values().to_vec();
+            result.samples_count(samples.len() as u32);
+        }
         Ok(Some(Output::Run(run))) => match serde_json::to_string(run) {
             Ok(json) => {
                 result.run_json = Some(json);
@@ -236,9 +245,6 @@ pub fn result(
         }
         Ok(None) => {}
         Err(error) => result.error = Some(error.clone()),
-    }
-    if !result.samples.is_empty() {
-        result.samples_count(result.samples.len() as u32);
     }
     result
 }
@@ -279,25 +285,30 @@ fn evaluated_message(evaluated: &Evaluation) -> v1::Evaluated {
             message.criteria = answer.analysis.criteria.values().to_vec();
             let worn = answer.worn.as_ref();
             message.worn_criteria = worn.map_or_else(Vec::new, |worn| worn.values().to_vec());
-            message.samples.clone_from(&answer.samples);
+            let samples = answer.samples.as_ref();
+            message.samples = samples.map_or_else(Vec::new, |samples| samples.values().to_vec());
         }
         Err(reason) => message.refused = Some(reason.clone()),
     }
     message
 }
 
-fn evaluated(message: &v1::Evaluated) -> Result<Evaluation, Malformed> {
+fn evaluated(message: &v1::Evaluated, width: usize) -> Result<Evaluation, Malformed> {
     let Some(design) = &message.design else {
         return malformed("has an evaluation without a design");
     };
     let worn = &message.worn_criteria;
+    let samples = match message.samples.is_empty() {
+        true => None,
+        false => Some(samples(&message.samples, width)?),
+    };
     let answer = || Answer {
         analysis: Analysis {
             value: message.value,
             criteria: Criteria::new(message.criteria.clone()),
         },
         worn: (!worn.is_empty()).then(|| Criteria::new(worn.clone())),
-        samples: message.samples.clone(),
+        samples,
     };
     Ok(Evaluation {
         design: Design::new(design.values.clone()),
@@ -313,8 +324,19 @@ impl v1::UnitResult {
     }
 }
 
-/// The content of a result: the unit that it covers, and its output or the error.
-pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>), Malformed> {
+/// Samples of `width` responses.
+fn samples(values: &[f64], width: usize) -> Result<Samples, Malformed> {
+    match Samples::new(width, values.to_vec()) {
+        Some(samples) => Ok(samples),
+        None => malformed("has a sample without a value for each response"),
+    }
+}
+
+/// The content of a result: the unit that it covers, and its output or the error. A sample has `width` responses.
+pub fn output(
+    result: &v1::UnitResult,
+    width: usize,
+) -> Result<(Unit, Result<Output, String>), Malformed> {
     let Some(unit) = &result.unit else {
         return malformed("names no unit");
     };
@@ -333,7 +355,7 @@ pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>),
     }
     let output = match (unit.stream.kind, &result.run_json, &result.refused) {
         (Kind::Run | Kind::Point, None, None) if !result.evaluated.is_empty() => {
-            let evaluated = result.evaluated.iter().map(evaluated);
+            let evaluated = result.evaluated.iter().map(|one| evaluated(one, width));
             Output::Evaluations(evaluated.collect::<Result<_, _>>()?)
         }
         (Kind::Run, Some(json), None) => match serde_json::from_str(json) {
@@ -344,10 +366,10 @@ pub fn output(result: &v1::UnitResult) -> Result<(Unit, Result<Output, String>),
         (Kind::Design, None, None) => Output::Design {
             responses: finite(&result.responses)?,
             ruled_out: result.ruled_out.clone(),
-            samples: result.samples.clone(),
+            samples: samples(&result.samples, width)?,
         },
         (Kind::Point, None, None) if result.responses.is_empty() => {
-            Output::Samples(result.samples.clone())
+            Output::Samples(samples(&result.samples, width)?)
         }
         _ => return malformed("does not match its unit"),
     };
@@ -395,7 +417,7 @@ mod tests {
             approach: Approach::Kriging,
             start: 3,
             base,
-            model: Some("{}".into()),
+            models: vec!["{}".into(), "[]".into()],
             from: Some(problem.design(&[0.1, 1.2, 1.3, 0.9, 1.0, 0.7], problem.base())),
         };
         let designs = [
@@ -457,7 +479,7 @@ mod tests {
                 assert_eq!((unit, source), (sent, &**sent_source));
                 let computed = compute(problem, unit, source);
                 let result = result(unit, &computed.clone().map(Some), 0.5);
-                let (covered, read) = output(&result).unwrap();
+                let (covered, read) = output(&result, 1).unwrap();
                 assert_eq!(read, computed);
                 // A design that is refused or ruled out has no samples.
                 let count = match &computed {
@@ -486,7 +508,7 @@ mod tests {
             samples: vec![1.0; 2],
             ..v1::UnitResult::default()
         };
-        assert!(output(&good).is_ok());
+        assert!(output(&good, 1).is_ok());
         type Change = fn(&mut v1::UnitResult);
         let changes: [(Change, &str); 7] = [
             (|result| result.unit = None, "names no unit"),
@@ -509,7 +531,7 @@ mod tests {
         for (change, why) in changes {
             let mut result = good.clone();
             change(&mut result);
-            let refused = output(&result).unwrap_err().to_string();
+            let refused = output(&result, 1).unwrap_err().to_string();
             assert!(refused.contains(why), "{refused:?} has no {why:?}");
         }
     }

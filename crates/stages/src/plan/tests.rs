@@ -115,7 +115,7 @@ fn a_failed_fit_is_tried_again_with_other_responses() {
     world.finish();
     assert_eq!(world.state.optima[&Approach::Kriging], None);
     let failed = |world: &World| world.state.derivations["model"].failure.clone();
-    assert!(failed(&world).is_some() && world.state.model.is_none());
+    assert!(failed(&world).is_some() && world.state.models.is_empty());
     let before = world.steps.len();
     world.retry(|_| false);
     world.finish();

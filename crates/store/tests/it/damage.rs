@@ -12,7 +12,7 @@ use store::{
 use crate::rounds::{new_round, round};
 use crate::{
     POINT, at, beside, campaign, execute, feasible, folder, from, infeasible, of, open, optimum_of,
-    read, sample, samples, store_with,
+    read, sample, samples, samples_of, store_with,
 };
 
 const BATCHES: u64 = 6;
@@ -81,7 +81,7 @@ async fn a_cut_log_can_be_accepted_and_loses_whole_batches_only() {
     let held = store.progress().await.unwrap().samples;
     assert!(held < BATCHES * ROWS, "nothing was cut");
     assert_eq!(held % ROWS, 0, "part of a batch");
-    assert_eq!(store.samples_of(of(0)).await.unwrap().len() as u64, held);
+    assert_eq!(samples_of(&store, of(0)).await.unwrap().len() as u64, held);
     store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
     let all = samples((0..BATCHES * ROWS).map(|i| sample(0, i, 1.5)));
     let receipt = store.writer().unwrap().submit(all).await.unwrap();
@@ -210,7 +210,7 @@ async fn a_transaction_under_a_journal_that_was_killed_is_undone() {
     assert!(marks > 100, "{marks} rows were changed in the file already");
 
     let store = open(&left).await;
-    let held = store.samples_of(of(0)).await.unwrap();
+    let held = samples_of(&store, of(0)).await.unwrap();
     assert_eq!(held.len(), 500);
     assert!(held.iter().all(|(_, value)| *value == 1.5));
     store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
@@ -288,6 +288,7 @@ pub(crate) async fn with_every_row(path: &Path) {
     store.writer().unwrap().submit(batch).await.unwrap();
     let response = ResponseRow {
         design: 1,
+        number: 0,
         mean: 1.5,
         standard_deviation: 0.1,
         measure: 1.75,
@@ -300,11 +301,12 @@ pub(crate) async fn with_every_row(path: &Path) {
         .unwrap();
     let model = ModelRow {
         name: ModelRow::DOE.into(),
+        number: 0,
         json: "{\"theta\":[1.5,0.25]}".into(),
         summary_json: "{}".into(),
     };
     store
-        .put_model(Some(&model), &from(&DerivedResult::Model))
+        .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
         .await
         .unwrap();
     let optimum = OptimumRow {
@@ -452,7 +454,7 @@ async fn an_edited_row_of_any_table_is_named() {
         (
             "sample_block",
             "first_sample 10 of design-1",
-            "INSERT INTO sample_block SELECT stream, 10, samples, seal, origin FROM sample_block
+            "INSERT INTO sample_block SELECT stream, 10, responses, samples, seal, origin FROM sample_block
                 WHERE first_sample = 50",
         ),
         (
@@ -575,7 +577,7 @@ async fn rows_that_the_program_changes_stay_sound() {
     };
     store.put_generations(&[(POINT, 1)]).await.unwrap();
     store.put_generations(&[(POINT, 2)]).await.unwrap();
-    assert_eq!(store.samples_of(POINT).await.unwrap(), []);
+    assert_eq!(samples_of(&store, POINT).await.unwrap(), []);
     store.extend(&larger).await.unwrap();
     store.close().await.unwrap();
     let store = Store::create_or_open(&path, &larger).await.unwrap();

@@ -34,7 +34,7 @@ async fn finished(store: &Store) {
     let points = [POINT, REFERENCE].map(|stream| SampleBlock {
         stream,
         first_sample: 0,
-        samples: vec![0.5; 5],
+        samples: vec![0.5; 5].into(),
     });
     let batch = Batch {
         criteria: vec![feasible(0), feasible(1)],
@@ -52,6 +52,7 @@ async fn finished(store: &Store) {
     store.writer().unwrap().submit(batch).await.unwrap();
     let response = ResponseRow {
         design: 0,
+        number: 0,
         mean: 1.5,
         standard_deviation: 0.0,
         measure: 1.5,
@@ -64,11 +65,12 @@ async fn finished(store: &Store) {
         .unwrap();
     let model = ModelRow {
         name: ModelRow::DOE.into(),
+        number: 0,
         json: "{}".into(),
         summary_json: "{}".into(),
     };
     store
-        .put_model(Some(&model), &from(&DerivedResult::Model))
+        .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
         .await
         .unwrap();
     for approach in [OTHER_OPTIMUM, OPTIMUM] {

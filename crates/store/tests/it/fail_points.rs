@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use store::{Batch, Error, FailPoint, Store};
 
-use crate::{folder, of, open, sample, samples, store_with};
+use crate::{folder, of, open, sample, samples, samples_of, store_with};
 
 const BATCHES: u64 = 8;
 const ROWS: u64 = 2000;
@@ -59,7 +59,7 @@ fn run_child(path: &Path, fail_point: &str) -> (u64, bool) {
 async fn held_batches(store: &Store) -> u64 {
     let held = store.progress().await.unwrap().samples;
     assert_eq!(held % ROWS, 0, "part of a batch");
-    let rows = store.samples_of(of(0)).await.unwrap();
+    let rows = samples_of(&store, of(0)).await.unwrap();
     let expected: Vec<(u64, f64)> = (0..held).map(|i| (i, (i % ROWS) as f64)).collect();
     assert_eq!(rows, expected);
     store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();

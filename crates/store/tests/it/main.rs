@@ -20,8 +20,8 @@ use ledger::StreamId;
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use store::{
-    Batch, CampaignRow, CriteriaRow, Derivation, DerivedResult, DesignRow, OptimumRow, SampleBlock,
-    Store,
+    Batch, CampaignRow, CriteriaRow, Derivation, DerivedResult, DesignRow, Error, OptimumRow,
+    SampleBlock, Store,
 };
 use tempfile::TempDir;
 
@@ -80,8 +80,23 @@ fn at(stream: StreamId, sample: u64, value: f64) -> SampleBlock {
     SampleBlock {
         stream,
         first_sample: sample,
-        samples: vec![value],
+        samples: vec![value].into(),
     }
+}
+
+/// The samples of one response that a stream has, with their indices.
+async fn samples_of(store: &Store, stream: StreamId) -> Result<Vec<(u64, f64)>, Error> {
+    let blocks = store.blocks_of(stream).await?;
+    let samples = blocks.iter().flat_map(SampleBlock::indexed);
+    Ok(samples
+        .map(|(sample, values)| (sample, values[0]))
+        .collect())
+}
+
+/// The values of the samples of one response that a stream has.
+async fn values_of(store: &Store, stream: StreamId) -> Result<Vec<f64>, Error> {
+    let samples = samples_of(store, stream).await?;
+    Ok(samples.into_iter().map(|(_, value)| value).collect())
 }
 
 fn sample(design: u64, sample: u64, value: f64) -> SampleBlock {

@@ -10,7 +10,7 @@ use sqlx::{Connection as _, Row as _};
 use store::{Batch, Error, Receipt, SampleBlock, Store};
 
 use crate::reading::documented_digest;
-use crate::{campaign, folder, of, sample, samples, store_with};
+use crate::{campaign, folder, of, sample, samples, samples_of, store_with};
 
 /// Design, first sample and values of each row in the file.
 async fn ranges(path: &Path) -> Vec<(i64, i64, Vec<f64>)> {
@@ -63,7 +63,7 @@ async fn a_range_stores_what_is_missing() {
     // A neighbouring design in the table does not affect design 1.
     assert_eq!(submit(range(0, 45..55)).await, receipt(10, 0));
     let expected: Vec<(u64, f64)> = (0..50).map(|i| (i, value(1, i))).collect();
-    assert_eq!(store.samples_of(of(1)).await.unwrap(), expected);
+    assert_eq!(samples_of(&store, of(1)).await.unwrap(), expected);
     let places: Vec<_> = ranges(&path)
         .await
         .into_iter()
@@ -92,7 +92,7 @@ async fn another_value_within_a_range_is_refused_by_its_number() {
     let writer = store.writer().unwrap();
     writer.submit(range(1, 0..100)).await.unwrap();
     let mut other = range(1, 50..150);
-    other.samples[23].samples[0] = -1.0;
+    other.samples[23].samples = vec![-1.0].into();
     let error = writer.submit(other).await.unwrap_err();
     assert!(error.is_refusal());
     let said = error.to_string();
@@ -100,7 +100,7 @@ async fn another_value_within_a_range_is_refused_by_its_number() {
         said.contains("sample 73 of design-1") && said.contains("-1.0"),
         "{said}"
     );
-    assert_eq!(store.samples_of(of(1)).await.unwrap().len(), 100);
+    assert_eq!(samples_of(&store, of(1)).await.unwrap().len(), 100);
     assert_eq!(ranges(&path).await.len(), 1, "no part of it is stored");
 }
 
@@ -147,7 +147,7 @@ async fn the_last_sample_of_all_has_a_range() {
         writer.submit(samples(rows)).await.unwrap();
     }
     assert_eq!(
-        store.samples_of(of(0)).await.unwrap(),
+        samples_of(&store, of(0)).await.unwrap(),
         [(LAST - 1, 1.0), (LAST, 2.0)]
     );
     let missing = store.missing_work(3, &BTreeMap::new()).await.unwrap();
@@ -168,7 +168,8 @@ fn batch((ranges, other): &Offer) -> Batch {
         .collect();
     if let Some(other) = other {
         let other = other % rows.len();
-        rows[other].samples[0] += 0.5;
+        let value = rows[other].samples.values()[0] + 0.5;
+        rows[other].samples = vec![value].into();
     }
     samples(rows)
 }
@@ -178,7 +179,7 @@ fn offer(table: &mut BTreeMap<(u64, u64), f64>, batch: &Batch) -> Option<Receipt
     let mut with = table.clone();
     let mut counts = receipt(0, 0);
     for row in &batch.samples {
-        let value = row.samples[0];
+        let value = row.samples.values()[0];
         match with.insert((row.stream.index, row.first_sample), value) {
             None => counts.new_rows += 1,
             Some(held) if held == value => counts.duplicate_rows += 1,
@@ -218,7 +219,7 @@ async fn agrees_with_a_row_for_each_sample(offers: &[(Offer, Offer)]) -> Result<
     let mut held = Vec::new();
     let visited = store.visit_samples(|block| {
         let of_block = block.indexed();
-        held.extend(of_block.map(|(number, value)| (block.stream.index, number, value)));
+        held.extend(of_block.map(|(number, values)| (block.stream.index, number, values[0])));
         Ok::<(), Error>(())
     });
     visited.await.unwrap();

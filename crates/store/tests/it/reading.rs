@@ -11,7 +11,7 @@ use store::{
 
 use crate::{
     POINT, at, campaign, design, feasible, folder, from, infeasible, of, open, optimum_of, sample,
-    samples, store_with,
+    samples, samples_of, store_with, values_of,
 };
 
 #[tokio::test]
@@ -78,6 +78,7 @@ async fn every_table_gives_back_what_was_put() {
     let responses = [
         ResponseRow {
             design: 0,
+            number: 0,
             mean: 2.0,
             standard_deviation: 0.7,
             measure: 2.9,
@@ -86,6 +87,7 @@ async fn every_table_gives_back_what_was_put() {
         },
         ResponseRow {
             design: 1,
+            number: 0,
             mean: 1.0,
             standard_deviation: 0.0,
             measure: 1.0,
@@ -95,6 +97,7 @@ async fn every_table_gives_back_what_was_put() {
     ];
     let model = ModelRow {
         name: ModelRow::DOE.into(),
+        number: 0,
         json: "{}".into(),
         summary_json: "[]".into(),
     };
@@ -125,7 +128,7 @@ async fn every_table_gives_back_what_was_put() {
         .await
         .unwrap();
     store
-        .put_model(Some(&model), &from(&DerivedResult::Model))
+        .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
         .await
         .unwrap();
     store
@@ -141,8 +144,11 @@ async fn every_table_gives_back_what_was_put() {
     assert_eq!(store.campaign().await.unwrap(), held);
     assert_eq!(store.designs().await.unwrap(), [design(0), design(1)]);
     assert_eq!(store.criteria().await.unwrap(), batch.criteria);
-    assert_eq!(store.samples_of(of(0)).await.unwrap(), [(0, 1.5), (1, 2.5)]);
-    assert_eq!(store.samples_of(of(1)).await.unwrap(), []);
+    assert_eq!(
+        samples_of(&store, of(0)).await.unwrap(),
+        [(0, 1.5), (1, 2.5)]
+    );
+    assert_eq!(samples_of(&store, of(1)).await.unwrap(), []);
     assert_eq!(store.responses().await.unwrap(), responses);
     assert_eq!(
         store.model(ModelRow::DOE).await.unwrap(),
@@ -154,10 +160,10 @@ async fn every_table_gives_back_what_was_put() {
     assert_eq!(runs, [batch.runs[1].clone(), batch.runs[0].clone()]);
     assert_eq!(store.optima().await.unwrap(), [optimum]);
     assert_eq!(
-        store.samples_of(POINT).await.unwrap(),
+        samples_of(&store, POINT).await.unwrap(),
         [(0, 0.25), (1, 0.75)]
     );
-    assert_eq!(store.values_of(POINT).await.unwrap(), [0.25, 0.75]);
+    assert_eq!(values_of(&store, POINT).await.unwrap(), [0.25, 0.75]);
     assert_eq!(store.job_times().await.unwrap(), batch.times);
     assert_eq!(
         store.failures().await.unwrap(),
@@ -187,6 +193,7 @@ async fn stages_run_again_replace_their_results() {
     for value in [1.0, 2.0] {
         let response = ResponseRow {
             design: 0,
+            number: 0,
             mean: value,
             standard_deviation: value,
             measure: value,
@@ -200,11 +207,12 @@ async fn stages_run_again_replace_their_results() {
         assert_eq!(store.responses().await.unwrap(), [response]);
         let model = ModelRow {
             name: "m".into(),
+            number: 0,
             json: value.to_string(),
             summary_json: "{}".into(),
         };
         store
-            .put_model(Some(&model), &from(&DerivedResult::Model))
+            .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
             .await
             .unwrap();
         assert_eq!(store.models().await.unwrap(), [model]);
@@ -229,7 +237,7 @@ async fn doubles_keep_every_bit_but_the_sign_of_zero() {
     let rows = values.iter().zip(0..).map(|(&v, i)| sample(0, i, v));
     let writer = store.writer().unwrap();
     writer.submit(samples(rows.clone())).await.unwrap();
-    let held = store.samples_of(of(0)).await.unwrap();
+    let held = samples_of(&store, of(0)).await.unwrap();
     for (&value, (index, held)) in values.iter().zip(held) {
         assert_eq!(
             held.to_bits(),
@@ -389,13 +397,13 @@ async fn tallies_are_what_a_count_of_the_rows_would_say() {
             let really = held.iter().filter(|(d, _)| *d == design).count() as u64;
             assert_eq!(samples, really, "design {design}");
             assert_eq!(
-                store.samples_of(of(design)).await.unwrap().len() as u64,
+                samples_of(&store, of(design)).await.unwrap().len() as u64,
                 really
             );
         }
         let tallies = store.sample_tallies().await.unwrap();
         for (count, point) in count.iter_mut().zip(points) {
-            *count = store.samples_of(point).await.unwrap().len() as u64;
+            *count = samples_of(&store, point).await.unwrap().len() as u64;
             assert_eq!(tallies[&point].samples, *count);
         }
         let progress = store.progress().await.unwrap();

@@ -47,6 +47,7 @@ pub(crate) fn new_round(round: u64, failed: &[u64]) -> NewRound {
         failed: failed.iter().map(|&infill| unsampled(infill)).collect(),
         model: (round > 0).then(|| ModelRow {
             name: ModelRow::ENRICHED.to_owned(),
+            number: 0,
             json: "{}".into(),
             summary_json: "{}".into(),
         }),
@@ -62,7 +63,7 @@ async fn sampled(store: &Store, points: &[StreamId]) {
     let blocks = points.iter().map(|stream| SampleBlock {
         stream: *stream,
         first_sample: 0,
-        samples: vec![0.5; 4],
+        samples: vec![0.5; 4].into(),
     });
     store
         .writer()

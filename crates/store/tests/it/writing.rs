@@ -10,7 +10,8 @@ use store::{
 };
 
 use crate::{
-    POINT, at, beside, campaign, design, feasible, folder, of, open, sample, samples, store_with,
+    POINT, at, beside, campaign, design, feasible, folder, of, open, sample, samples, samples_of,
+    store_with, values_of,
 };
 
 #[tokio::test]
@@ -115,11 +116,15 @@ async fn another_value_for_a_sample_is_refused_with_its_whole_batch() {
     assert_eq!(row, "sample 17 of design-3");
     assert_eq!([stored, offered], ["1.5", "1.5000000000000002"]);
     assert_eq!(
-        store.samples_of(of(3)).await.unwrap(),
+        samples_of(&store, of(3)).await.unwrap(),
         [(17, 1.5)],
         "never overwritten"
     );
-    assert_eq!(store.samples_of(of(0)).await.unwrap(), [], "all or nothing");
+    assert_eq!(
+        samples_of(&store, of(0)).await.unwrap(),
+        [],
+        "all or nothing"
+    );
     assert_eq!(store.progress().await.unwrap().samples, 3);
 
     let contradicts_itself = samples([sample(0, 0, 1.0), sample(0, 0, 2.0)]);
@@ -199,14 +204,14 @@ async fn failed_samples_are_stored_and_read_back() {
     writer.submit(batch).await.unwrap();
     let tallies = store.sample_tallies().await.unwrap();
     assert_eq!([of(0), POINT].map(|stream| tallies[&stream].failed), [1, 1]);
-    let held = store.samples_of(of(0)).await.unwrap();
+    let held = samples_of(&store, of(0)).await.unwrap();
     assert_eq!(held, [(0, 1.0), (1, f64::INFINITY)]);
-    assert_eq!(store.values_of(POINT).await.unwrap(), [f64::NEG_INFINITY]);
+    assert_eq!(values_of(&store, POINT).await.unwrap(), [f64::NEG_INFINITY]);
     drop(writer);
     store.close().await.unwrap();
     // The digests are compared when the store is opened.
     let store = Store::open_read_only(&path).await.unwrap();
-    assert_eq!(store.samples_of(of(0)).await.unwrap(), held);
+    assert_eq!(samples_of(&store, of(0)).await.unwrap(), held);
 }
 
 #[tokio::test]
@@ -279,14 +284,14 @@ async fn what_is_acknowledged_is_on_disk() {
         .unwrap();
 
     let reader = Store::open_read_only(&path).await.unwrap();
-    assert_eq!(reader.samples_of(of(0)).await.unwrap(), [(0, 1.5)]);
+    assert_eq!(samples_of(&reader, of(0)).await.unwrap(), [(0, 1.5)]);
 
     // The file and its log as a SIGKILL at this moment would leave them.
     let survivor = folder.path().join("survivor.db");
     fs::copy(&path, &survivor).unwrap();
     fs::copy(beside(&path, "-wal"), beside(&survivor, "-wal")).unwrap();
     let survivor = open(&survivor).await;
-    assert_eq!(survivor.samples_of(of(0)).await.unwrap(), [(0, 1.5)]);
+    assert_eq!(samples_of(&survivor, of(0)).await.unwrap(), [(0, 1.5)]);
     survivor
         .writer()
         .unwrap()
@@ -492,7 +497,7 @@ async fn dropping_the_store_commits_and_gives_the_lock_back() {
             other => break other.unwrap(),
         }
     };
-    assert_eq!(store.samples_of(of(0)).await.unwrap(), [(0, 1.0)]);
+    assert_eq!(samples_of(&store, of(0)).await.unwrap(), [(0, 1.0)]);
 }
 
 fn run(start: u32, result_json: &str) -> OptimiserRunRow {
@@ -559,7 +564,7 @@ async fn a_batch_is_stored_for_the_generation_that_is_wanted_only() {
         store.put_generations(&[(POINT, generation)]).await.unwrap();
     };
     let held = async || {
-        let values = store.values_of(POINT).await.unwrap();
+        let values = values_of(&store, POINT).await.unwrap();
         let tallies = store.sample_tallies().await.unwrap();
         let count = tallies.get(&POINT).map_or(0, |tally| tally.samples);
         assert_eq!(count, values.len() as u64);

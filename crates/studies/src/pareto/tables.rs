@@ -70,7 +70,7 @@ pub fn write_tables(
 }
 
 fn summary(problem: &Problem, against: Objective, points: &[Point]) -> PageTable {
-    let measure = problem.measured().name.into_owned();
+    let measure = problem.measured().name.to_string();
     let mut table = PageTable::new([
         "design",
         against.label(),

@@ -45,7 +45,7 @@ seed = 1
 name = "x"
 low = 0.0
 high = 1.0
-[response]
+[[responses]]
 name = "y"
 baseline = true
 [doe]

@@ -164,7 +164,7 @@ fn penalty(outcome: &mut Outcome) -> Result<(), EntryError> {
         approach: Approach::Baseline,
         start: 0,
         base: problem.base().clone(),
-        model: None,
+        models: Vec::new(),
         from: None,
     };
     let result = optimise::run(&problem, &run)?;

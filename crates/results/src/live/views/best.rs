@@ -87,8 +87,8 @@ pub fn best(
     Best {
         schema_version: SCHEMA_VERSION,
         finished,
-        measure: problem.measured().name.into_owned(),
-        response: problem.sampled().name.to_string(),
+        measure: problem.measured().name.to_string(),
+        response: problem.objective().response.name.to_string(),
         unit: problem.measured().unit.to_string(),
         note,
         best: verified.or_else(|| {

@@ -85,8 +85,8 @@ pub fn responses(
     });
     Responses {
         schema_version: SCHEMA_VERSION,
-        measure: problem.measured().name.into_owned(),
-        response: problem.sampled().name.to_string(),
+        measure: problem.measured().name.to_string(),
+        response: problem.objective().response.name.to_string(),
         unit: problem.measured().unit.to_string(),
         coordinates: coordinates.collect(),
         preliminary,

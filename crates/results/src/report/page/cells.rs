@@ -4,6 +4,7 @@ use problem::formulation::Constraint;
 use stats::Verified;
 
 use crate::number::{self, MISSING, with_unit};
+use crate::optima::VerifiedLimit;
 
 /// Significant digits of named variables and limited quantities.
 const DIGITS: usize = 5;
@@ -33,6 +34,14 @@ pub(super) fn limited(constraint: &Constraint) -> Value {
     Value {
         text: named(&constraint.name, constraint.value, &constraint.unit),
         marked: !constraint.holds(),
+    }
+}
+
+/// A measure of samples with its constraint's name, marked where it breaks its limit.
+pub(super) fn limited_measure(limit: &VerifiedLimit) -> Value {
+    Value {
+        text: named(&limit.constraint, limit.value.value, &limit.unit),
+        marked: !limit.holds,
     }
 }
 

@@ -5,7 +5,7 @@ use problem::Approach;
 use problem::formulation::Problem;
 
 use super::campaign::CampaignView;
-use super::cells::{Show as _, ShowCount as _, Value, limited, named};
+use super::cells::{Show as _, ShowCount as _, Value, limited, limited_measure, named};
 use super::kriging::KrigingView;
 use super::{PAGE_STYLE, ReportFiles};
 use crate::number::{MISSING, digits_of, interval, with_unit};
@@ -22,7 +22,7 @@ pub(super) fn render(report: &Report) -> Result<ReportFiles, Error> {
     let page = Page {
         report,
         measure: snapshot.measure_name(),
-        response: &snapshot.problem.sampled().name,
+        response: &snapshot.problem.objective().response.name,
         page_css: PAGE_STYLE,
         chart_css: svg::CSS,
         summary: SummaryView::new(report),
@@ -77,7 +77,7 @@ impl<'a> OptimumRow<'a> {
         let unit = &problem.measured().unit;
         // Searches without random effects minimise the response itself.
         let of_criterion = match optimum.approach {
-            Approach::Nominal | Approach::Baseline => &*problem.sampled().unit,
+            Approach::Nominal | Approach::Baseline => &*problem.objective().response.unit,
             _ => unit,
         };
         let found = optimum.found_or_sentence();
@@ -107,7 +107,10 @@ impl<'a> OptimumRow<'a> {
                     variables
                         .map(|v| named(&v.name, v.value, &v.unit))
                         .collect(),
-                    constraints.map(limited).collect(),
+                    constraints
+                        .map(limited)
+                        .chain(verified.limits.iter().map(limited_measure))
+                        .collect(),
                 )
             }),
             p90,

@@ -367,7 +367,7 @@ pub(crate) fn no_optima(note: &str) -> Vec<(Optimum, Option<Verification>)> {
 
 /// 500 evenly spread samples with this 90 % percentile, so far apart.
 pub(crate) fn verification(p90: f64, apart: f64) -> Verification {
-    let n = 500;
+    let n: u32 = 500;
     let middle = 0.9 * f64::from(n - 1);
     let samples = (0..n).map(|i| p90 + apart * (f64::from(i) - middle));
     Verification {

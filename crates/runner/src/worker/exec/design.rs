@@ -82,15 +82,15 @@ impl Prepared for ExternalDesign<'_> {
         })?;
         if problem.has_baseline() {
             // An optimiser would take an implausible number for an optimum.
-            problem.check_sample(analysis.value).map_err(|why| {
-                let name = &problem.sampled().name;
+            problem.check_baseline(analysis.value).map_err(|why| {
+                let name = &problem.objective().response.name;
                 NoAnswer::Failed(format!("the simulator's {name} {why}"))
             })?;
         }
         Ok(analysis)
     }
 
-    fn sample(&mut self, rng: &mut StreamRng) -> Result<f64, NoAnswer> {
+    fn sample(&mut self, rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer> {
         let modes = self.modes();
         if modes > 0 {
             return self.sample_at(&stats::normal_scores(rng, modes));
@@ -106,7 +106,7 @@ impl Prepared for ExternalDesign<'_> {
         random.map_or(0, |inputs| inputs.quantities().len())
     }
 
-    fn sample_at(&mut self, coefficients: &[f64]) -> Result<f64, NoAnswer> {
+    fn sample_at(&mut self, coefficients: &[f64]) -> Result<Vec<f64>, NoAnswer> {
         let Some(inputs) = self.session.problem.random() else {
             return Err(NoAnswer::Failed(
                 "the campaign has no random inputs".to_owned(),
@@ -126,16 +126,14 @@ fn named(inputs: &RandomInputs, values: &[f64]) -> Value {
 }
 
 impl ExternalDesign<'_> {
-    fn sample_from(&self, from: Randomness) -> Result<f64, NoAnswer> {
+    fn sample_from(&self, from: Randomness) -> Result<Vec<f64>, NoAnswer> {
         let problem = self.session.problem;
-        let name = &*problem.sampled().name;
+        let names = messages::sampled(problem);
         let question = messages::sample(&self.told, from);
-        let answer = self.session.ask(question, &[name], &[name]);
-        let numbers = match answer {
-            Ok(numbers) => numbers,
-            Err(NoAnswer::Refused(_)) => return Ok(f64::NAN),
-            Err(why) => return Err(why),
-        };
-        Ok(numbers[name])
+        match self.session.ask(question, &names, &names) {
+            Ok(numbers) => Ok(names.iter().map(|name| numbers[*name]).collect()),
+            Err(NoAnswer::Refused(_)) => Ok(vec![f64::NAN; names.len()]),
+            Err(why) => Err(why),
+        }
     }
 }

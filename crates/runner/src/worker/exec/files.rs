@@ -47,8 +47,8 @@ pub(super) struct Files {
     /// The text of the template, and the name of its file.
     template: (String, OsString),
     result: PathBuf,
-    /// The campaign's name of the sampled response.
-    sampled: String,
+    /// The campaign's names of the sampled responses.
+    sampled: Vec<String>,
     stop: Arc<AtomicBool>,
     kept: Arc<Kept>,
 }
@@ -77,7 +77,7 @@ impl Kept {
 enum Request {
     Describe {
         variables: Vec<String>,
-        sampled: String,
+        sampled: Vec<String>,
         /// The names of the random inputs, whose values a sample gets instead of a seed.
         #[serde(default)]
         random: Vec<String>,
@@ -127,7 +127,7 @@ impl Files {
             environment: exec.environment.clone(),
             template: (text, name.to_owned()),
             result: files.result.clone(),
-            sampled: String::new(),
+            sampled: Vec::new(),
             stop,
             kept: Arc::clone(kept),
         })
@@ -163,7 +163,7 @@ impl Files {
                 seed,
                 random,
             } => {
-                let wanted = [self.sampled.clone()];
+                let wanted = self.sampled.clone();
                 self.run(&[design, random], small(seed), &wanted, timeout)
             }
         }

@@ -110,7 +110,7 @@ pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> 
         "campaign": campaign_value,
         "variables": variables.collect::<Vec<_>>(),
         "responses": evaluated(problem),
-        "sampled": &*problem.sampled().name,
+        "sampled": sampled(problem),
     }));
     if let Some(random) = problem.random() {
         let names: Vec<&str> = random.quantities().iter().map(|one| &*one.name).collect();
@@ -120,6 +120,11 @@ pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> 
         request.insert("teeth".to_owned(), json!(sections.pair.teeth()));
     }
     Ok(request)
+}
+
+/// The names of the values of a sample, as the program knows them.
+pub(super) fn sampled(problem: &Problem) -> Vec<&str> {
+    problem.sampled().iter().map(|one| &*one.name).collect()
 }
 
 /// The names of the responses of `evaluate`, as the program knows them.
@@ -321,9 +326,10 @@ impl Description {
         let variables = problem.variables().iter();
         let variables = variables.map(|variable| &*variable.name).collect();
         let mut responses = evaluated(problem);
-        let sampled = &*problem.sampled().name;
-        if !responses.contains(&sampled) {
-            responses.push(sampled);
+        for sampled in sampled(problem) {
+            if !responses.contains(&sampled) {
+                responses.push(sampled);
+            }
         }
         agree("variables", &variables, self.variables.as_deref())?;
         agree("responses", &responses, self.responses.as_deref())

@@ -243,7 +243,7 @@ impl World {
         match result {
             DerivedResult::Samples => self.sampled.clear(),
             DerivedResult::Responses => {}
-            DerivedResult::Model => self.state.model = None,
+            DerivedResult::Model => self.state.models.clear(),
             DerivedResult::Run(stream) => {
                 let run = names::approach_and_start(*stream).unwrap();
                 self.state.runs.remove(&run);
@@ -291,7 +291,7 @@ impl World {
                     .is_none()
                     .then(|| format!("model of {inputs}").into());
                 derivation(DerivedResult::Model, None, failure);
-                self.state.model = model;
+                self.state.models = model.into_iter().collect();
             }
             LocalStep::Enrich => {
                 let round = self.rounds.len();

@@ -62,7 +62,7 @@ fn an_answer_that_comes_twice_is_not_the_answer_to_the_next_job() {
         let sample = |number| {
             let ask = |simulator: &dyn Simulator| {
                 let mut rng = stats::streams::stream(1, stats::streams::Purpose::Wear, 0, number);
-                simulator.prepare(&design).unwrap().sample(&mut rng)
+                Ok::<_, NoAnswer>(simulator.prepare(&design).unwrap().sample(&mut rng)?[0])
             };
             backend.with(&problem, ask).0.unwrap()
         };

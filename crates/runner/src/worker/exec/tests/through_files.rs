@@ -49,7 +49,7 @@ fn sum(problem: &Problem, backend: &Backend) -> Result<(f64, [f64; 2]), String> 
         let baseline = prepared.analyse(State::Baseline).map_err(told)?.value;
         let sample = |number| {
             let mut rng = stats::streams::stream(1, stats::streams::Purpose::Wear, 0, number);
-            prepared.sample(&mut rng).map_err(told)
+            Ok::<f64, String>(prepared.sample(&mut rng).map_err(told)?[0])
         };
         let [first, second] = [0, 1].map(sample);
         Ok((baseline, [first?, second?]))

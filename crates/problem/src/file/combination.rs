@@ -1,0 +1,80 @@
+//! The response that a measure is of: one of `[[responses]]`, or a combination of several in each sample.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::validate::Source;
+use super::{FileError, ResponseSection};
+
+/// `response` of an objective or of a constraint on a measure: the name of one of `[[responses]]`, or a combination that
+/// is computed in each sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(
+    untagged,
+    expecting = "the name of a response, or { greatest = [\"a\", \"b\"] }, { least = [\"a\", \"b\"] } or { sum = { a = 0.5, b = 0.5 } }"
+)]
+pub enum Combination {
+    /// One response.
+    One(String),
+    /// Several responses.
+    Several(Several),
+}
+
+/// A combination of several responses in each sample.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Several {
+    /// The greatest of them, such as the worst of several load cases.
+    Greatest(Vec<String>),
+    /// The least of them.
+    Least(Vec<String>),
+    /// Their weighted sum.
+    Sum(BTreeMap<String, f64>),
+}
+
+impl Combination {
+    /// The names of the responses that it depends on.
+    pub(crate) fn names(&self) -> Vec<&str> {
+        match self {
+            Self::One(name) => vec![name],
+            Self::Several(Several::Greatest(names) | Several::Least(names)) => {
+                names.iter().map(String::as_str).collect()
+            }
+            Self::Several(Several::Sum(weights)) => weights.keys().map(String::as_str).collect(),
+        }
+    }
+
+    pub(super) fn validate(
+        &self,
+        source: Source<'_>,
+        key: &str,
+        responses: &[ResponseSection],
+    ) -> Result<(), FileError> {
+        let names = self.names();
+        let found = |name: &str| responses.iter().find(|one| one.name == name);
+        for name in &names {
+            let known: Vec<&str> = responses.iter().map(|one| &*one.name).collect();
+            let expected = format!("one of [[responses]]: {}", known.join(", "));
+            source.require(found(name).is_some(), key, name, &expected)?;
+        }
+        let Self::Several(several) = self else {
+            return Ok(());
+        };
+        let is_double = (1..names.len()).any(|place| names[..place].contains(&names[place]));
+        let expected = "two or more different responses";
+        source.require(names.len() > 1 && !is_double, key, &names, expected)?;
+        let Several::Sum(weights) = several else {
+            let unit = |name: &&str| found(name).map(|one| &*one.unit);
+            let is_same = names.iter().all(|name| unit(name) == unit(&names[0]));
+            let expected = "responses of one unit: numbers of different units cannot be compared";
+            return source.require(is_same, key, &names, expected);
+        };
+        for (name, weight) in weights {
+            let key = format!("{key}.sum.{name}");
+            source.require(weight.is_finite(), &key, weight, "a finite number")?;
+        }
+        Ok(())
+    }
+}

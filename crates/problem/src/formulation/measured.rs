@@ -1,0 +1,330 @@
+//! The measures of a problem: that of its objective, and those that its constraints limit.
+
+use std::borrow::Cow;
+
+use stats::{Samples, Verified};
+
+use super::{Bound, Constraint, Quantity};
+use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling, Several};
+
+/// The probability with which a measure keeps the limit by which its estimate or prediction is judged.
+const HOLDS: f64 = 0.95;
+
+/// A measure of the samples of a design.
+#[derive(Debug, Clone)]
+pub struct Measured {
+    /// Its name, such as P90 or the name of a constraint, and its unit.
+    pub quantity: Quantity,
+    /// The response that it is a measure of.
+    pub response: Quantity,
+    combined: Combined,
+    /// The settings that the measure of verification samples follows from.
+    stated: Sampling,
+    /// The settings for designs of the DoE and for models.
+    searched: Sampling,
+    limit: Option<Limit>,
+}
+
+/// The limit of a measure, as the file states it and as searches use it.
+#[derive(Debug, Clone, Copy)]
+struct Limit {
+    stated: f64,
+    searched: f64,
+}
+
+/// The number that a sample counts as, from the values of its responses.
+#[derive(Debug, Clone)]
+enum Combined {
+    One(usize),
+    Greatest(Vec<usize>),
+    Least(Vec<usize>),
+    Sum(Vec<(usize, f64)>),
+}
+
+impl Measured {
+    /// The measure of a problem with one response.
+    pub(super) fn of_one(response: Quantity, sampling: &Sampling) -> Self {
+        let name = sampling.objective.name([&response.name, &response.unit]);
+        let unit = match sampling.objective.is_probability() {
+            true => "",
+            false => &*response.unit,
+        };
+        Self {
+            quantity: Quantity::new(&name, unit),
+            response,
+            combined: Combined::One(0),
+            stated: sampling.clone(),
+            searched: sampling.clone(),
+            limit: None,
+        }
+    }
+
+    /// The measure of the objective, and then those of the constraints, in the order of the file.
+    pub(super) fn of_sections(sections: &ExternalSections, sampling: &Sampling) -> Vec<Self> {
+        let of = |objective: &Objective| {
+            let sampling = Sampling {
+                objective: objective.clone(),
+                ..sampling.clone()
+            };
+            let response = sections.response_of(objective.response.as_ref());
+            Self {
+                combined: Combined::new(sections, objective.response.as_ref()),
+                ..Self::of_one(response, &sampling)
+            }
+        };
+        let limited = sections.constraints.iter().filter_map(|section| {
+            let stated = section.limited()?;
+            let limit = section.max.or(section.min)?;
+            let (searched, searched_limit) = stated.searched(limit);
+            let mut measured = of(&stated);
+            measured.quantity.name = section.name.clone().into();
+            measured.searched.objective = searched;
+            measured.limit = Some(Limit {
+                stated: limit,
+                searched: searched_limit,
+            });
+            Some(measured)
+        });
+        std::iter::once(of(&sampling.objective))
+            .chain(limited)
+            .collect()
+    }
+
+    /// The settings from which the measure of a design of the DoE, or of an infill point, is estimated. A probability that
+    /// is limited is estimated as the percentile that says the same.
+    #[must_use]
+    pub const fn sampling(&self) -> &Sampling {
+        &self.searched
+    }
+
+    /// The measure as a phrase: P99 of temperature, P(stress > 400 MPa).
+    #[must_use]
+    pub fn title(&self) -> String {
+        let Quantity { name, unit } = &self.response;
+        let measure = self.stated.objective.name([name, unit]);
+        match self.stated.objective.is_probability() {
+            true => measure,
+            false => format!("{measure} of {name}"),
+        }
+    }
+
+    /// The number that each sample counts as. Failed samples are infinitely bad.
+    #[must_use]
+    pub fn values(&self, samples: &Samples) -> Vec<f64> {
+        samples.rows().map(|row| self.value(row)).collect()
+    }
+
+    fn value(&self, row: &[f64]) -> f64 {
+        let of = |places: &[usize], start: f64, pick: fn(f64, f64) -> f64| {
+            places.iter().map(|place| row[*place]).fold(start, pick)
+        };
+        if row.iter().any(|value| value.is_infinite()) {
+            return self.stated.failed_sample();
+        }
+        match &self.combined {
+            Combined::One(place) => row[*place],
+            Combined::Greatest(places) => of(places, f64::NEG_INFINITY, f64::max),
+            Combined::Least(places) => of(places, f64::INFINITY, f64::min),
+            Combined::Sum(weights) => weights
+                .iter()
+                .map(|(place, weight)| weight * row[*place])
+                .sum(),
+        }
+    }
+
+    /// The measure of verification samples.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Measure::verified`](stats::Measure::verified).
+    pub fn verified(&self, samples: &Samples) -> Result<Verified, stats::Error> {
+        self.stated.verified(&self.values(samples))
+    }
+
+    /// The difference of the measures of two designs, as [`Sampling::difference`].
+    #[must_use]
+    pub fn difference(&self, first: &Samples, second: &Samples) -> Option<Verified> {
+        let [first, second] = [first, second].map(|samples| self.values(samples));
+        self.stated.difference(&first, &second)
+    }
+
+    /// Whether a measure is to be at most its limit, and not at least.
+    #[must_use]
+    pub fn is_upper(&self) -> bool {
+        self.stated.objective.aim == Aim::Minimise
+    }
+
+    /// The limit of a constraint, as the file states it.
+    #[must_use]
+    pub fn limit(&self) -> Option<f64> {
+        self.limit.map(|limit| limit.stated)
+    }
+
+    /// Whether a value of the measure keeps the limit as the file states it; true without a limit.
+    #[must_use]
+    pub fn keeps_limit(&self, value: f64) -> bool {
+        self.limit.is_none_or(|limit| match self.is_upper() {
+            true => value <= limit.stated,
+            false => value >= limit.stated,
+        })
+    }
+
+    /// The unit of the limit as the file states it; empty for a probability.
+    #[must_use]
+    pub fn limit_unit(&self) -> &str {
+        match self.stated.objective.is_probability() {
+            true => "",
+            false => &self.response.unit,
+        }
+    }
+
+    /// The confidence with which verification samples show that the measure keeps its limit: the greatest level of a
+    /// one-sided interval within the limit, from 0 to 0.9999, and 0 if the measure itself is beyond the limit. `None`
+    /// without a limit, or for too few samples.
+    #[must_use]
+    pub fn confidence(&self, samples: &Samples) -> Option<f64> {
+        self.limit?;
+        let values = self.values(samples);
+        let holds = |level: f64| {
+            let (low, high) = self
+                .stated
+                .verified_at(&values, 2.0 * level - 1.0)
+                .ok()?
+                .interval?;
+            Some(self.keeps_limit(if self.is_upper() { high } else { low }))
+        };
+        let verified = self.stated.verified(&values).ok()?;
+        if !self.keeps_limit(verified.value) {
+            return Some(0.0);
+        }
+        // An interval that is too wide for its samples does not show that the limit holds.
+        let (mut shown, mut open) = (0.5, 0.9999);
+        holds(shown + 1e-3)?;
+        if holds(open) == Some(true) {
+            return Some(open);
+        }
+        while open - shown > 1e-4 {
+            let level = 0.5 * (shown + open);
+            match holds(level) {
+                Some(true) => shown = level,
+                _ => open = level,
+            }
+        }
+        Some(shown)
+    }
+
+    /// The fewest samples that can show with a confidence of 95 % that a probability keeps its limit: when all of them are
+    /// on the good side. `None` for another measure.
+    #[must_use]
+    pub fn samples_to_show(&self) -> Option<u32> {
+        let limit = self.limit?.stated;
+        if !self.stated.objective.is_probability() {
+            return None;
+        }
+        let good = if self.is_upper() { 1.0 - limit } else { limit };
+        Some((0.05_f64.ln() / good.ln()).ceil() as u32)
+    }
+
+    /// The value that a constraint is judged by, given an estimate or prediction and its variance: it is on the safe side
+    /// of it with a probability of 95 %.
+    #[must_use]
+    pub fn bound(&self, value: f64, variance: f64) -> f64 {
+        value + stats::normal_quantile(self.safe_level()) * variance.max(0.0).sqrt()
+    }
+
+    /// The level of [`bound`](Self::bound) in the distribution of a prediction.
+    #[must_use]
+    pub fn safe_level(&self) -> f64 {
+        if self.is_upper() { HOLDS } else { 1.0 - HOLDS }
+    }
+
+    /// The probability that the measure keeps its limit, given a prediction and its variance; `None` without a limit.
+    #[must_use]
+    pub fn probability(&self, value: f64, variance: f64) -> Option<f64> {
+        let room = match self.is_upper() {
+            true => self.limit?.searched - value,
+            false => value - self.limit?.searched,
+        };
+        Some(match variance > 0.0 {
+            true => stats::normal_probability(room / variance.sqrt()),
+            false => f64::from(u8::from(room >= 0.0)),
+        })
+    }
+
+    /// The constraint with this value; `None` without a limit.
+    pub(super) fn constraint(&self, value: f64) -> Option<Constraint> {
+        let name = self.quantity.name.clone();
+        let unit = self.response.unit.clone();
+        let limit = self.limit?.searched;
+        let constraint = match self.is_upper() {
+            true => Constraint::at_most(name, unit, value, limit),
+            false => Constraint::at_least(name, unit, value, limit),
+        };
+        Some(constraint.relative())
+    }
+
+    /// The relation that the measure must have to its limit.
+    #[must_use]
+    pub fn relation(&self) -> Bound {
+        match self.is_upper() {
+            true => Bound::AtMost,
+            false => Bound::AtLeast,
+        }
+    }
+}
+
+impl Combined {
+    fn new(sections: &ExternalSections, response: Option<&Combination>) -> Self {
+        let place = |name: &String| {
+            let mut responses = sections.responses.iter();
+            let place = responses.position(|one| one.name == *name);
+            place.expect("validation has found it")
+        };
+        match response {
+            None => Self::One(0),
+            Some(Combination::One(name)) => Self::One(place(name)),
+            Some(Combination::Several(several)) => match several {
+                Several::Greatest(names) => Self::Greatest(names.iter().map(place).collect()),
+                Several::Least(names) => Self::Least(names.iter().map(place).collect()),
+                Several::Sum(weights) => Self::Sum(
+                    weights
+                        .iter()
+                        .map(|(name, weight)| (place(name), *weight))
+                        .collect(),
+                ),
+            },
+        }
+    }
+}
+
+impl ExternalSections {
+    /// The name and the unit of a response or of a combination of responses.
+    pub(crate) fn response_of(&self, response: Option<&Combination>) -> Quantity {
+        let unit = |name: &str| {
+            let found = self.responses.iter().find(|one| one.name == name);
+            found.map_or("", |one| &*one.unit)
+        };
+        let Some(combination) = response else {
+            return Quantity::new(&self.responses[0].name, &self.responses[0].unit);
+        };
+        let names = combination.names();
+        let is_one_unit = names.iter().all(|name| unit(name) == unit(names[0]));
+        let of = if is_one_unit { unit(names[0]) } else { "" };
+        let name: Cow<'_, str> = match combination {
+            Combination::One(name) => name.into(),
+            Combination::Several(Several::Greatest(names)) => {
+                format!("greatest of {}", names.join(", ")).into()
+            }
+            Combination::Several(Several::Least(names)) => {
+                format!("least of {}", names.join(", ")).into()
+            }
+            Combination::Several(Several::Sum(weights)) => {
+                let terms = weights
+                    .iter()
+                    .map(|(name, weight)| format!("{weight} {name}"));
+                terms.collect::<Vec<_>>().join(" + ").into()
+            }
+        };
+        Quantity::new(&name, of)
+    }
+}

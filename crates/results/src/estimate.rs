@@ -1,0 +1,28 @@
+//! A number with its confidence interval, for programs.
+
+use serde::{Deserialize, Serialize};
+use stats::Verified;
+
+/// A measure or a difference of two, with its 95 % confidence interval.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    /// The estimate.
+    pub value: f64,
+    /// Lower end of the interval; absent if the samples are too few for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub low: Option<f64>,
+    /// Upper end of the interval; absent if the samples are too few for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub high: Option<f64>,
+}
+
+impl From<Verified> for Estimate {
+    fn from(estimate: Verified) -> Self {
+        let (low, high) = estimate.interval.unzip();
+        Self {
+            value: estimate.value,
+            low,
+            high,
+        }
+    }
+}
