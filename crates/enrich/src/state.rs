@@ -34,9 +34,8 @@ pub struct ExactCriteria {
     /// output from a complex computer code when fast approximations are available*, Biometrika 87 (2000)
     /// 1–13, with the factor 1).
     pub baseline: f64,
-    /// The probability that the constraints hold that are known from samples only, such as by their models; 1 without any.
-    /// The value of a new design is multiplied by it (M. Schonlau, *Computer Experiments and Global Optimization*, thesis,
-    /// University of Waterloo, 1997).
+    /// A factor of the value of a new design, such as the probability that it keeps the constraints that are known from
+    /// samples only; 1 without any.
     pub holds: f64,
 }
 

@@ -20,16 +20,15 @@ mod design;
 mod external;
 pub mod gears;
 mod measured;
-mod quantity;
 mod random;
 mod space;
 
+pub use crate::quantity::Quantity;
 pub use analysis::{Analysis, State};
 pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
 pub use measured::Measured;
-pub use quantity::Quantity;
 pub use random::RandomInputs;
 pub use space::Coordinate;
 use space::{Derived, Space};

@@ -16,6 +16,7 @@ pub mod file;
 pub mod formulation;
 pub mod optimise;
 pub mod probe;
+mod quantity;
 pub mod simulator;
 pub mod task;
 

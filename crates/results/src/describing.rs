@@ -130,6 +130,17 @@ pub fn describe(status: &Status) -> String {
             "optimum         {:<16} {found}{verified}",
             optimum.approach
         );
+        for limit in &optimum.limits {
+            let ends = limit.value.low.zip(limit.value.high);
+            let value = estimate(limit.value.value, ends, &limit.unit);
+            let _ = writeln!(
+                text,
+                "                {}: {value} where {}; {}",
+                limit.constraint,
+                limit.statement(),
+                limit.confidence_in_words()
+            );
+        }
     }
     for warning in &status.warnings {
         let _ = writeln!(text, "warning         {warning}");

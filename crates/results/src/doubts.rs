@@ -23,7 +23,8 @@ pub(crate) async fn of(store: &Store, problem: &Problem) -> Result<Vec<String>, 
         return Ok(doubts);
     }
     let responses = store.responses().await?;
-    doubts.extend(ignored_seeds(problem, &responses));
+    let limited = store.limited_responses().await?;
+    doubts.extend(ignored_seeds(problem, &responses, &limited));
     doubts.extend(Plausibility::read(store).await?.sentences(problem));
     let meaning = match campaign.sampling.failed {
         FailedSamples::LeftOut => "They are left out.",
@@ -111,11 +112,17 @@ async fn contradictions(store: &Store) -> Result<Option<String>, store::Error> {
     )))
 }
 
-/// The doubt about a program whose samples do not depend on its seed.
-fn ignored_seeds(problem: &Problem, responses: &[ResponseRow]) -> Option<String> {
+/// The doubt about a program whose samples do not depend on its seed. `limited` has the measures of constraints: where one
+/// of them scatters, an objective without scatter, such as a weight, is meant so.
+fn ignored_seeds(
+    problem: &Problem,
+    responses: &[ResponseRow],
+    limited: &[ResponseRow],
+) -> Option<String> {
     // Rounding leaves a small standard deviation of equal numbers.
     let is_constant = |row: &ResponseRow| row.standard_deviation <= 1e-12 * row.mean.abs();
-    let is_suspicious = !responses.is_empty() && responses.iter().all(is_constant);
+    let mut all = responses.iter().chain(limited);
+    let is_suspicious = !responses.is_empty() && all.all(is_constant);
     is_suspicious.then(|| {
         format!(
             "The program seems to ignore its {}: in each of {} designs, all samples of {} are equal, as of a response \

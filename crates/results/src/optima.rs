@@ -1,7 +1,7 @@
 //! The optima of a campaign with their verification, and which of them is recommended.
 
 use problem::Approach;
-use problem::formulation::{Constraint, Measured, Problem};
+use problem::formulation::{Bound, Constraint, Measured, Problem};
 use serde::{Deserialize, Serialize};
 use stages::names;
 use stages::optima::{self, Optimum};
@@ -10,7 +10,7 @@ use stats::{Samples, Verified};
 use store::Store;
 
 use crate::estimate::Estimate;
-use crate::number::percent;
+use crate::number::{percent, with_unit};
 
 /// An optimum with its verification.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,6 +76,23 @@ impl VerifiedLimit {
         self.confidence.is_some_and(|confidence| confidence >= 0.95)
     }
 
+    /// The constraint, evaluated at the verified value.
+    #[must_use]
+    pub fn constraint(&self) -> Constraint {
+        let (name, unit) = (self.measure.clone(), self.unit.clone());
+        match self.relation == Bound::AtMost.sign() {
+            true => Constraint::at_most(name, unit, self.value.value, self.limit),
+            false => Constraint::at_least(name, unit, self.value.value, self.limit),
+        }
+    }
+
+    /// The constraint as a phrase, such as P(stress > 400 MPa) ≤ 0.001.
+    #[must_use]
+    pub fn statement(&self) -> String {
+        let limit = with_unit(self.limit, 6, &self.unit);
+        format!("{} {} {limit}", self.measure, self.relation)
+    }
+
     /// The confidence in words.
     #[must_use]
     pub fn confidence_in_words(&self) -> String {
@@ -84,7 +101,11 @@ impl VerifiedLimit {
             None => "too few samples to tell".to_owned(),
             // The search for the level ends there.
             Some(confidence) if confidence > 0.9998 => "holds, confidence above 99.9 %".to_owned(),
-            Some(confidence) => format!("holds, confidence {}", percent(confidence)),
+            // Rounded down: 94.99 % is not 95 %.
+            Some(confidence) => {
+                let confidence = (1e3 * confidence).floor() / 1e3;
+                format!("holds, confidence {}", percent(confidence))
+            }
         }
     }
 }
@@ -213,11 +234,9 @@ impl Optima {
         let open = self.recommended().map_or(&[][..], |best| &best.limits);
         for limit in open.iter().filter(|limit| !limit.is_shown()) {
             doubts.push(format!(
-                "The verification samples of the recommended design do not show with a confidence of 95 % that {} {} {} \
-                 ({}): more of them (verify.samples) show whether it does.",
-                limit.measure,
-                limit.relation,
-                limit.limit,
+                "The verification samples of the recommended design do not show with a confidence of 95 % that \
+                 {} ({}): more of them (verify.samples) show whether it does.",
+                limit.statement(),
                 limit.confidence_in_words()
             ));
         }

@@ -164,6 +164,28 @@ pub(crate) struct LimitedModels {
     models: Vec<Option<Model>>,
 }
 
+/// How an infill point is chosen among designs that may break a limit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Caution {
+    /// Its value is multiplied by the probability that it keeps all limits, so that points lie about the limits and the
+    /// models become better there (M. Schonlau, *Computer Experiments and Global Optimization*, thesis, University of
+    /// Waterloo, 1997).
+    Probable,
+    /// It keeps all limits with the probability that a recommended design needs.
+    Safe,
+}
+
+impl Caution {
+    /// Rounds alternate: the models are improved, and then the design is observed that they make possible.
+    pub(crate) fn of_round(round: usize) -> Self {
+        if round.is_multiple_of(2) {
+            Self::Probable
+        } else {
+            Self::Safe
+        }
+    }
+}
+
 impl LimitedModels {
     /// Fits a model to each measure from its estimates, with their variances, at the designs `x`.
     pub(crate) fn fit<'a>(
@@ -171,15 +193,15 @@ impl LimitedModels {
         estimated: impl Iterator<Item = (&'a [f64], &'a [(f64, f64)])> + Clone,
     ) -> Self {
         let fit = |number: usize| {
-            let of_number = estimated.clone().filter_map(|(x, all)| {
-                let (value, variance) = *all.get(number)?;
-                value.is_finite().then_some((x, value, variance))
-            });
             let (mut x, mut y, mut noise) = (Vec::new(), Vec::new(), Vec::new());
-            for (of, value, variance) in of_number {
-                x.extend_from_slice(of);
-                y.push(value);
-                noise.push(variance);
+            for (of, estimates) in estimated.clone() {
+                if let Some((value, variance)) = estimates.get(number)
+                    && value.is_finite()
+                {
+                    x.extend_from_slice(of);
+                    y.push(*value);
+                    noise.push(*variance);
+                }
             }
             fitted(problem, &x, &y, &noise)
         };
@@ -203,12 +225,19 @@ impl LimitedModels {
         doe::bounds(problem, &of.collect::<Vec<_>>())
     }
 
-    /// The probability that a design keeps all limits; those of measures without a model are not counted.
-    pub(crate) fn probability(&self, problem: &Problem, x: &[f64]) -> f64 {
+    /// The factor of a new point's value. Measures without a model are not counted.
+    pub(crate) fn factor(&self, problem: &Problem, x: &[f64], caution: Caution) -> f64 {
         let limited = problem.limited().iter().zip(&self.models);
         let each = limited.filter_map(|(measured, model)| {
             let predicted = model.as_ref()?.predict(x);
-            measured.probability(predicted.mean, predicted.variance)
+            match caution {
+                Caution::Probable => measured.probability(predicted.mean, predicted.variance),
+                Caution::Safe => {
+                    let bound = measured.bound(predicted.mean, predicted.variance);
+                    // No variance is left beside the bound.
+                    measured.probability(bound, 0.0)
+                }
+            }
         });
         each.product()
     }

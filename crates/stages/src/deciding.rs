@@ -20,7 +20,7 @@ use store::{
     UnsampledPoint,
 };
 
-use crate::constraints::{self, LimitedModels};
+use crate::constraints::{self, Caution, LimitedModels};
 use crate::doe::Doe;
 use crate::fitting::{self, Observation};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
@@ -343,13 +343,14 @@ impl Rows {
         // At most the budget, which has 32 bits.
         let options = options(problem, section, left as u32)?;
         let Known { state, limited, .. } = self.state(problem, base);
+        let caution = Caution::of_round(self.rounds.len());
         let calls = Cell::new(0);
         let models = constraints::are_asked(problem)
             .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));
         let exact = |x: &[f64]| -> Option<ExactCriteria> {
             if let Some(models) = &models {
                 return Some(ExactCriteria {
-                    holds: limited.probability(problem, x),
+                    holds: limited.factor(problem, x, caution),
                     ..models.known(problem, x)
                 });
             }

@@ -12,7 +12,7 @@ use super::{
     WearCoefficients,
 };
 use crate::approach::Approach;
-use crate::formulation::Quantity;
+use crate::quantity::Quantity;
 
 /// A validated campaign file: one problem, one DoE, one seed.
 #[derive(Debug, Clone, PartialEq)]
@@ -320,7 +320,12 @@ impl Campaign {
                 ));
             }
         }
-        warnings.extend(self.gears().map(GearSections::warnings).unwrap_or_default());
+        match &self.kind {
+            Kind::Gears(sections) => warnings.extend(sections.warnings()),
+            Kind::External(sections) => {
+                warnings.extend(sections.warnings(&self.sampling, &self.verify));
+            }
+        }
         warnings
     }
 

@@ -1,5 +1,6 @@
 //! The response that a measure is of: one of `[[responses]]`, or a combination of several in each sample.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use schemars::JsonSchema;
@@ -7,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
 use super::{FileError, ResponseSection};
+use crate::quantity::Quantity;
 
 /// `response` of an objective or of a constraint on a measure: the name of one of `[[responses]]`, or a combination that
 /// is computed in each sample.
@@ -36,7 +38,7 @@ pub enum Several {
 
 impl Combination {
     /// The names of the responses that it depends on.
-    pub(crate) fn names(&self) -> Vec<&str> {
+    fn names(&self) -> Vec<&str> {
         match self {
             Self::One(name) => vec![name],
             Self::Several(Several::Greatest(names) | Several::Least(names)) => {
@@ -76,5 +78,33 @@ impl Combination {
             source.require(weight.is_finite(), &key, weight, "a finite number")?;
         }
         Ok(())
+    }
+
+    /// The name and the unit of a response or of a combination of responses; of the first response without one.
+    pub(super) fn quantity(response: Option<&Self>, responses: &[ResponseSection]) -> Quantity {
+        let unit = |name: &str| {
+            let found = responses.iter().find(|one| one.name == name);
+            found.map_or("", |one| &*one.unit)
+        };
+        let Some(combination) = response else {
+            return Quantity::new(&responses[0].name, &responses[0].unit);
+        };
+        let names = combination.names();
+        let is_one_unit = names.iter().all(|name| unit(name) == unit(names[0]));
+        let of = if is_one_unit { unit(names[0]) } else { "" };
+        let name: Cow<'_, str> = match combination {
+            Self::One(name) => name.into(),
+            Self::Several(Several::Greatest(names)) => {
+                format!("greatest of {}", names.join(", ")).into()
+            }
+            Self::Several(Several::Least(names)) => format!("least of {}", names.join(", ")).into(),
+            Self::Several(Several::Sum(weights)) => {
+                let terms = weights
+                    .iter()
+                    .map(|(name, weight)| format!("{weight} {name}"));
+                terms.collect::<Vec<_>>().join(" + ").into()
+            }
+        };
+        Quantity::new(&name, of)
     }
 }

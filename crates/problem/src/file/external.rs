@@ -7,7 +7,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
-use super::{Combination, CorrelationSection, FileError, MeasureName, Objective, RandomSection};
+use super::{
+    Combination, ConstraintSection, CorrelationSection, FileError, Objective, RandomSection,
+    ResponseSection, Sampling, Verify,
+};
+use crate::quantity::Quantity;
 
 /// The sections that only external campaigns have.
 #[derive(Debug, Clone, PartialEq)]
@@ -141,118 +145,8 @@ impl VariableSection {
     }
 }
 
-/// A limit that a feasible design keeps: on a deterministic response of the program, or, with `measure`, on a measure of
-/// its samples.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ConstraintSection {
-    /// The name of the deterministic response, which the program uses; of a constraint on samples, a name for tables.
-    pub name: String,
-    /// Its unit; empty for a number without one. A measure of samples has the unit of its response.
-    #[serde(default)]
-    pub unit: String,
-    /// Smallest valid value.
-    pub min: Option<f64>,
-    /// Largest valid value. A constraint on samples has one of the two.
-    pub max: Option<f64>,
-    /// The measure of the samples that is limited; absent for a deterministic response.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub measure: Option<MeasureName>,
-    /// The response that is measured; the first of `[[responses]]` if absent.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub response: Option<Combination>,
-    /// Level of a percentile or a superquantile, as in `[objective]`: with `max` the share of the samples below it, with
-    /// `min` the share above it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub level: Option<f64>,
-    /// Number of standard deviations of `"mean-plus-sd"`, towards the limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub k: Option<f64>,
-    /// The value of the response whose probability of being exceeded is limited by `max` or `min`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub limit: Option<f64>,
-}
-
-/// A random response of the program.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ResponseSection {
-    /// The name that the program uses.
-    pub name: String,
-    /// Its unit; empty for a number without one.
-    #[serde(default)]
-    pub unit: String,
-    /// Whether the program also computes it without random effects. Only for the response of the objective.
-    #[serde(default)]
-    pub baseline: bool,
-    /// Smallest plausible value: a smaller one is a failure of its sample.
-    pub min: Option<f64>,
-    /// Largest plausible value: a larger one is a failure of its sample.
-    pub max: Option<f64>,
-}
-
 /// Most values of a sample.
 const MOST_RESPONSES: usize = 64;
-
-impl ConstraintSection {
-    /// The measure that is limited; `None` for a deterministic response.
-    #[must_use]
-    pub fn limited(&self) -> Option<Objective> {
-        Objective::limited(self)
-    }
-
-    fn validate(
-        &self,
-        source: Source<'_>,
-        section: &str,
-        responses: &[ResponseSection],
-    ) -> Result<(), FileError> {
-        let key = |key: &str| format!("{section}.{key}");
-        let limits = [self.min, self.max];
-        if limits == [None, None] {
-            return Err(source.missing(&key("max"), "given, or min, or both"));
-        }
-        check_limits(source, section, limits)?;
-        let Some(limited) = self.limited() else {
-            let given = [
-                ("response", self.response.is_some()),
-                ("level", self.level.is_some()),
-                ("k", self.k.is_some()),
-                ("limit", self.limit.is_some()),
-            ];
-            let beside = given.iter().find(|(_, is_given)| *is_given);
-            return match beside {
-                None => Ok(()),
-                Some(_) => Err(source.missing(
-                    &key("measure"),
-                    "given for a constraint on samples, such as \"percentile\" or \"exceedance\"",
-                )),
-            };
-        };
-        if let [Some(min), Some(_)] = limits {
-            let expected = "absent beside max: two limits of a measure are two constraints";
-            return Err(source.refuse(&key("min"), min, expected));
-        }
-        if !self.unit.is_empty() {
-            let expected = "absent: a measure has the unit of its response";
-            return Err(source.refuse(&key("unit"), &self.unit, expected));
-        }
-        limited.validate_measure(source, section)?;
-        if let Some(response) = &self.response {
-            response.validate(source, &key("response"), responses)?;
-        }
-        if limited.is_probability() {
-            let (name, limit) = match limits {
-                [Some(min), _] => ("min", min),
-                [_, max] => ("max", max.unwrap_or_default()),
-            };
-            let expected = "a probability from 0.000001 to 0.999999";
-            let is_probability = (1e-6..=1.0 - 1e-6).contains(&limit);
-            source.require(is_probability, &key(name), limit, expected)?;
-        }
-        Ok(())
-    }
-}
 
 /// Names with another meaning in requests, answers and exported tables.
 const RESERVED: [&str; 22] = [
@@ -281,6 +175,18 @@ const RESERVED: [&str; 22] = [
 ];
 
 impl ExternalSections {
+    /// The name and the unit of a response or of a combination of responses; of the first response without one.
+    pub(crate) fn response_of(&self, response: Option<&Combination>) -> Quantity {
+        Combination::quantity(response, &self.responses)
+    }
+
+    /// Advice about constraints on measures of samples that are valid but doubtful.
+    pub(super) fn warnings(&self, sampling: &Sampling, verify: &Verify) -> Vec<String> {
+        let constraints = self.constraints.iter();
+        let of = |one: &ConstraintSection| one.warnings(&self.responses, sampling, verify);
+        constraints.flat_map(of).collect()
+    }
+
     /// Checks the sections, and that the response of the objective is one of them.
     pub(super) fn validate(
         &self,
@@ -359,7 +265,7 @@ impl ExternalSections {
         for (index, response) in self.responses.iter().enumerate() {
             let section = format!("responses[{}]", index + 1);
             named(&section, &response.name, &response.unit)?;
-            check_limits(source, &section, [response.min, response.max])?;
+            source.limits(&section, [response.min, response.max])?;
             let is_of_objective = self.is_of_objective(&response.name, objective);
             source.require(
                 !response.baseline || is_of_objective,
@@ -382,29 +288,4 @@ impl ExternalSections {
             Some(Combination::Several(_)) => false,
         }
     }
-}
-
-/// Requires that limits, the smallest and the largest value, leave a range.
-fn check_limits(
-    source: Source<'_>,
-    section: &str,
-    [min, max]: [Option<f64>; 2],
-) -> Result<(), FileError> {
-    for (key, limit) in [("min", min), ("max", max)] {
-        source.require(
-            limit.is_none_or(f64::is_finite),
-            &format!("{section}.{key}"),
-            limit.unwrap_or_default(),
-            "a finite number",
-        )?;
-    }
-    if let (Some(min), Some(max)) = (min, max) {
-        source.require(
-            min < max,
-            &format!("{section}.max"),
-            max,
-            &format!("a number above min, which is {min:?}"),
-        )?;
-    }
-    Ok(())
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use stats::Measure;
 
 use super::validate::Source;
-use super::{Combination, ConstraintSection, FileError};
+use super::{Combination, FileError};
 
 /// `[objective]`, optional: the measure of the response that is optimised. If absent, the percentile that 90 % of the
 /// samples stay below is minimised.
@@ -20,15 +20,15 @@ pub struct Objective {
     pub aim: Aim,
     /// The measure of the response's random distribution.
     #[serde(default)]
-    measure: MeasureName,
+    pub(super) measure: MeasureName,
     /// Level of a percentile or a superquantile, from 0.001 to 0.999; 0.9 if absent. Of a response that is
     /// maximised it is the share of the samples above the percentile: 0.9 stands for P10.
-    level: Option<f64>,
+    pub(super) level: Option<f64>,
     /// Number of standard deviations of `"mean-plus-sd"`, which counts them towards the bad side: above the mean of
     /// a response that is minimised, below the mean of one that is maximised.
-    k: Option<f64>,
+    pub(super) k: Option<f64>,
     /// Limit of `"exceedance"`, in the response's unit.
-    limit: Option<f64>,
+    pub(super) limit: Option<f64>,
 }
 
 /// The preferred values of the response.
@@ -89,22 +89,6 @@ impl Objective {
             aim: self.aim,
             ..Self::percentile(PAPERS_LEVEL)
         }
-    }
-
-    /// What a constraint limits: a measure with `max`, of which small values are good, or with `min`.
-    pub(super) fn limited(section: &ConstraintSection) -> Option<Self> {
-        let limited = Self {
-            response: section.response.clone(),
-            aim: match section.max {
-                Some(_) => Aim::Minimise,
-                None => Aim::Maximise,
-            },
-            measure: section.measure?,
-            level: section.level,
-            k: section.k,
-            limit: section.limit,
-        };
-        Some(limited.resolved())
     }
 
     /// The measure with its limit that models and searches use in the place of this one, which is at most or at least

@@ -227,6 +227,31 @@ impl Source<'_> {
         }
     }
 
+    /// Requires that limits of a section, the smallest and the largest value, leave a range.
+    pub(super) fn limits(
+        self,
+        section: &str,
+        [min, max]: [Option<f64>; 2],
+    ) -> Result<(), FileError> {
+        for (key, limit) in [("min", min), ("max", max)] {
+            self.require(
+                limit.is_none_or(f64::is_finite),
+                &format!("{section}.{key}"),
+                limit.unwrap_or_default(),
+                "a finite number",
+            )?;
+        }
+        if let (Some(min), Some(max)) = (min, max) {
+            self.require(
+                min < max,
+                &format!("{section}.max"),
+                max,
+                &format!("a number above min, which is {min:?}"),
+            )?;
+        }
+        Ok(())
+    }
+
     /// Requires `low < value < high`. With infinite limits it requires only a finite value.
     pub(super) fn between(
         self,

@@ -1,7 +1,5 @@
 //! The measures of a problem: that of its objective, and those that its constraints limit.
 
-use std::borrow::Cow;
-
 use stats::{Samples, Verified};
 
 use super::{Bound, Constraint, Quantity};
@@ -74,7 +72,7 @@ impl Measured {
         };
         let limited = sections.constraints.iter().filter_map(|section| {
             let stated = section.limited()?;
-            let limit = section.max.or(section.min)?;
+            let limit = section.limit_of_measure()?;
             let (searched, searched_limit) = stated.searched(limit);
             let mut measured = of(&stated);
             measured.quantity.name = section.name.clone().into();
@@ -100,9 +98,13 @@ impl Measured {
     /// The measure as a phrase: P99 of temperature, P(stress > 400 MPa).
     #[must_use]
     pub fn title(&self) -> String {
+        self.title_of(&self.stated.objective)
+    }
+
+    fn title_of(&self, objective: &Objective) -> String {
         let Quantity { name, unit } = &self.response;
-        let measure = self.stated.objective.name([name, unit]);
-        match self.stated.objective.is_probability() {
+        let measure = objective.name([name, unit]);
+        match objective.is_probability() {
             true => measure,
             false => format!("{measure} of {name}"),
         }
@@ -213,18 +215,6 @@ impl Measured {
         Some(shown)
     }
 
-    /// The fewest samples that can show with a confidence of 95 % that a probability keeps its limit: when all of them are
-    /// on the good side. `None` for another measure.
-    #[must_use]
-    pub fn samples_to_show(&self) -> Option<u32> {
-        let limit = self.limit?.stated;
-        if !self.stated.objective.is_probability() {
-            return None;
-        }
-        let good = if self.is_upper() { 1.0 - limit } else { limit };
-        Some((0.05_f64.ln() / good.ln()).ceil() as u32)
-    }
-
     /// The value that a constraint is judged by, given an estimate or prediction and its variance: it is on the safe side
     /// of it with a probability of 95 %.
     #[must_use]
@@ -241,9 +231,11 @@ impl Measured {
     /// The probability that the measure keeps its limit, given a prediction and its variance; `None` without a limit.
     #[must_use]
     pub fn probability(&self, value: f64, variance: f64) -> Option<f64> {
-        let room = match self.is_upper() {
-            true => self.limit?.searched - value,
-            false => value - self.limit?.searched,
+        let limit = self.limit?.searched;
+        let room = if self.is_upper() {
+            limit - value
+        } else {
+            value - limit
         };
         Some(match variance > 0.0 {
             true => stats::normal_probability(room / variance.sqrt()),
@@ -253,7 +245,7 @@ impl Measured {
 
     /// The constraint with this value; `None` without a limit.
     pub(super) fn constraint(&self, value: f64) -> Option<Constraint> {
-        let name = self.quantity.name.clone();
+        let name = self.title_of(&self.searched.objective);
         let unit = self.response.unit.clone();
         let limit = self.limit?.searched;
         let constraint = match self.is_upper() {
@@ -294,37 +286,5 @@ impl Combined {
                 ),
             },
         }
-    }
-}
-
-impl ExternalSections {
-    /// The name and the unit of a response or of a combination of responses.
-    pub(crate) fn response_of(&self, response: Option<&Combination>) -> Quantity {
-        let unit = |name: &str| {
-            let found = self.responses.iter().find(|one| one.name == name);
-            found.map_or("", |one| &*one.unit)
-        };
-        let Some(combination) = response else {
-            return Quantity::new(&self.responses[0].name, &self.responses[0].unit);
-        };
-        let names = combination.names();
-        let is_one_unit = names.iter().all(|name| unit(name) == unit(names[0]));
-        let of = if is_one_unit { unit(names[0]) } else { "" };
-        let name: Cow<'_, str> = match combination {
-            Combination::One(name) => name.into(),
-            Combination::Several(Several::Greatest(names)) => {
-                format!("greatest of {}", names.join(", ")).into()
-            }
-            Combination::Several(Several::Least(names)) => {
-                format!("least of {}", names.join(", ")).into()
-            }
-            Combination::Several(Several::Sum(weights)) => {
-                let terms = weights
-                    .iter()
-                    .map(|(name, weight)| format!("{weight} {name}"));
-                terms.collect::<Vec<_>>().join(" + ").into()
-            }
-        };
-        Quantity::new(&name, of)
     }
 }

@@ -6,7 +6,7 @@ use problem::optimise::Solution;
 use serde::Serialize;
 use stats::Verified;
 
-use crate::optima::VerifiedOptimum;
+use crate::optima::{VerifiedLimit, VerifiedOptimum};
 use crate::report::{self, NamedValue, charts};
 
 use super::{Chart, SCHEMA_VERSION};
@@ -109,7 +109,12 @@ pub fn of_optimum(problem: &Problem, verified: &VerifiedOptimum) -> Option<BestD
     let found = verified.optimum.feasible()?;
     let approach = problem.approach_name(verified.optimum.approach);
     let name = format!("optimum of the approach {approach}");
-    Some(of_design(problem, name, true, found, verified.measure?))
+    let constraints = verified.constraints.iter().cloned();
+    let limits = verified.limits.iter().map(VerifiedLimit::constraint);
+    Some(BestDesign {
+        constraints: constraints.chain(limits).collect(),
+        ..of_design(problem, name, true, found, verified.measure?)
+    })
 }
 
 fn of_design(
