@@ -240,9 +240,16 @@ fn problem(is_shipped: bool) -> String {
             [simulator]\nprobe_designs = 0\nretry_s = 2.0\nattempts = 1\n"
 }
 
-/// The example of a program that communicates through files, with infill and a constraint.
+/// The example of a program that communicates through files, with infill, a constraint, and a second response with a
+/// constraint on its samples.
 fn files() -> String {
     let changes = [
+        (
+            "[[responses]]\n",
+            "[[constraints]]\nname = \"yield\"\nresponse = \"overstress\"\nmeasure = \"percentile\"\nmax = 0.0\n\n\
+             [[responses]]\nname = \"overstress\"\nunit = \"psi\"\n\n[objective]\nresponse = \"displacement\"\n\n\
+             [[responses]]\n",
+        ),
         ("designs = 40", "designs = 24"),
         ("samples_per_design = 25", "samples_per_design = 15"),
         ("evaluations = 300", "evaluations = 100"),
