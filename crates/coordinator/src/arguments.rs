@@ -399,6 +399,8 @@ pub(crate) struct Check {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) simulator: SimulatorArguments,
 }
 
 #[derive(Debug, Args)]

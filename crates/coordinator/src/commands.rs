@@ -145,6 +145,14 @@ fn processors() -> u16 {
     u16::try_from(processors).unwrap_or(u16::MAX)
 }
 
+/// The folder of the campaign file.
+fn folder_of(file: Option<&Path>) -> &Path {
+    let folder = file.and_then(Path::parent);
+    // The parent of a plain name is empty.
+    let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
 /// The settings of `count` workers of this process, with the simulator of the arguments or of the campaign `file`.
 fn local_workers(
     campaign: &Campaign,
@@ -152,11 +160,7 @@ fn local_workers(
     simulator: &runner::worker::SimulatorArguments,
     count: u16,
 ) -> Result<LocalWorkers, Usage> {
-    let folder = file.and_then(Path::parent);
-    // The parent of a plain name is empty.
-    let folder = folder.filter(|folder| !folder.as_os_str().is_empty());
-    let folder = folder.unwrap_or(Path::new("."));
-    let exec = simulator.exec_or(&campaign.simulator, folder);
+    let exec = simulator.exec_or(&campaign.simulator, folder_of(file));
     match (campaign.is_external(), &exec) {
         (true, None) if count > 0 => {
             return Err(Usage(format!(
@@ -319,6 +323,12 @@ async fn conduct(plan: Plan) -> Result<u8, ProgramError> {
         Outcome::Interrupted => {
             info!("stopped; start the same command again to continue");
             Ok(exit::INTERRUPTED)
+        }
+        Outcome::OverBudget(sentence) => {
+            warn!(
+                "{sentence}: no more work is given out; a larger budget and the same command continue"
+            );
+            Ok(exit::OVER_BUDGET)
         }
     }
 }

@@ -6,6 +6,7 @@
 mod accuracy;
 mod advice;
 mod bounds;
+mod budget;
 mod campaign;
 mod changes;
 mod combination;
@@ -36,6 +37,7 @@ mod wear;
 pub use self::kriging::Kriging;
 pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Setting};
 pub(crate) use bounds::{HELIX_ANGLE, ROOT_RADII, TIP_RADII};
+pub use budget::Budget;
 pub use campaign::{Campaign, Kind};
 pub use combination::{Combination, Several};
 pub use constraint::ConstraintSection;

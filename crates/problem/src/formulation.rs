@@ -272,6 +272,16 @@ impl Problem {
         self.random.as_ref()
     }
 
+    /// The deterministic quantities that a search on models takes from models of their own: all of them, or none where the
+    /// built-in model or a fast program evaluates them.
+    #[must_use]
+    pub fn modelled(&self) -> &[Quantity] {
+        match &self.kind {
+            Formulation::External(external) if external.are_modelled() => self.deterministic(),
+            _ => &[],
+        }
+    }
+
     /// The measure that is optimised.
     #[must_use]
     pub fn objective(&self) -> &Measured {

@@ -48,6 +48,8 @@ pub const NOT_SIMULABLE: u8 = 15;
 /// The campaign ended without a feasible design: no approach found one that can be simulated and satisfies
 /// every constraint.
 pub const NONE_FEASIBLE: u8 = 16;
+/// The campaign's budget is used up. A larger one and the same command continue.
+pub const OVER_BUDGET: u8 = 17;
 
 /// An error whose exit code is known. A command cannot pass on an error without a code.
 pub trait HasExitCode: Error + Send + Sync + 'static {
@@ -166,7 +168,7 @@ impl HasExitCode for results::report::Error {}
 impl HasExitCode for indicatif::style::TemplateError {}
 
 /// Every code with its meaning, for `--help` and the guide.
-pub const TABLE: [(u8, &str); 17] = [
+pub const TABLE: [(u8, &str); 18] = [
     (OK, "success"),
     (FAILURE, "a failure without a code of its own"),
     (USAGE, "the command line is wrong"),
@@ -214,6 +216,10 @@ pub const TABLE: [(u8, &str); 17] = [
     (
         NONE_FEASIBLE,
         "the campaign ended, and no approach found a feasible design",
+    ),
+    (
+        OVER_BUDGET,
+        "the campaign's budget is used up; a larger one and the same command continue",
     ),
 ];
 

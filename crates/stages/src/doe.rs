@@ -44,23 +44,35 @@ impl Doe {
         estimates
     }
 
+    /// The deterministic criteria of the simulable designs, in the baseline state, by their numbers.
+    #[must_use]
+    pub fn evaluated(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, Criteria> {
+        let evaluated = self.criteria.iter().filter_map(|row| {
+            let design = self.designs.get(row.design as usize)?;
+            let design = problem.design(&design.x, base);
+            let responses = row.responses.as_ref()?;
+            let analysis = problem.analysis(&design, responses, State::Baseline)?;
+            Some((row.design, analysis.criteria))
+        });
+        evaluated.collect()
+    }
+
     /// The designs that satisfy every constraint, by their numbers, with their criteria: those of the baseline state, and
     /// the bounds of the measures that constraints limit.
     #[must_use]
     pub fn feasible(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, (Design, Criteria)> {
         let estimates = self.estimates(problem);
-        let feasible = self.criteria.iter().filter_map(|row| {
-            let design = self.designs.get(row.design as usize)?;
-            let design = problem.design(&design.x, base);
-            let responses = row.responses.as_ref()?;
-            let analysis = problem.analysis(&design, responses, State::Baseline)?;
+        let none = Vec::new();
+        let evaluated = self.evaluated(problem, base).into_iter();
+        let feasible = evaluated.filter_map(|(number, criteria)| {
+            let design = problem.design(&self.designs.get(number as usize)?.x, base);
             let estimates = match problem.limited() {
-                [] => &Vec::new(),
-                _ => estimates.get(&row.design)?,
+                [] => &none,
+                _ => estimates.get(&number)?,
             };
-            let criteria = problem.with_limited(&analysis.criteria, &bounds(problem, estimates));
+            let criteria = problem.with_limited(&criteria, &bounds(problem, estimates));
             let is_feasible = problem.is_feasible(&criteria);
-            is_feasible.then_some((row.design, (design, criteria)))
+            is_feasible.then_some((number, (design, criteria)))
         });
         feasible.collect()
     }

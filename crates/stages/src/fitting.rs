@@ -2,7 +2,8 @@
 
 use anyhow::Context as _;
 use kriging::{Data, Error, Guidance, Names, Response, Settings, Surrogate};
-use problem::formulation::{Design, Measured, Problem};
+use problem::Criteria;
+use problem::formulation::{Design, Problem};
 use serde::{Deserialize, Serialize};
 use store::{ModelRow, ResponseRow, Store};
 
@@ -116,38 +117,76 @@ pub fn of_doe(problem: &Problem, base: &Design, doe: &Doe, number: u64) -> Vec<O
     observed.collect()
 }
 
-/// Fits a model to every measure, that of the objective first, as rows named `name`. The first summary is the
-/// objective's.
+/// A fitted model.
+#[derive(Debug)]
+pub struct Fitted {
+    /// What it is a model of, as a phrase.
+    pub title: String,
+    pub row: ModelRow,
+    pub summary: ModelSummary,
+}
+
+/// Fits a model to every measure, that of the objective first, and to every [modelled](Problem::modelled) quantity, as rows
+/// named `name`.
 pub fn fit_all(
     problem: &Problem,
     base: &Design,
     doe: &Doe,
     name: &str,
-) -> anyhow::Result<Vec<(ModelRow, ModelSummary)>> {
-    let fit_one = |(number, measured): (u64, &Measured)| {
-        let observed = of_doe(problem, base, doe, number);
-        let settings = problem.campaign().kriging.settings(problem.campaign().seed);
-        let settings = match number {
-            0 => settings,
-            // A constraint's measure may be negative.
-            _ => Settings {
-                response: Response::Plain,
-                ..settings
-            },
+) -> anyhow::Result<Vec<Fitted>> {
+    let settings = problem.campaign().kriging.settings(problem.campaign().seed);
+    // The quantity of a constraint may be negative.
+    let of_constraint = Settings {
+        response: Response::Plain,
+        ..settings.clone()
+    };
+    let mut fitted: Vec<Fitted> = Vec::new();
+    let mut fit_one = |title: String, observed: &[Observation]| {
+        let number = fitted.len() as u64;
+        let settings = if number == 0 {
+            &settings
+        } else {
+            &of_constraint
         };
-        let fitted = fit_with(problem, &observed, &settings);
-        let (model, summary) = fitted.with_context(|| match number {
+        let (model, summary) = fit_with(problem, observed, settings).context(title.clone())?;
+        let row = model_row(name, number, &model, &summary)?;
+        fitted.push(Fitted {
+            title,
+            row,
+            summary,
+        });
+        anyhow::Ok(())
+    };
+    for (number, measured) in (0..).zip(problem.measures()) {
+        let title = match number {
             0 => measured.title(),
             _ => format!(
                 "constraint {}, {}",
                 measured.quantity.name,
                 measured.title()
             ),
-        })?;
-        let row = model_row(name, number, &model, &summary)?;
-        Ok((row, summary))
-    };
-    (0..).zip(problem.measures()).map(fit_one).collect()
+        };
+        fit_one(title, &of_doe(problem, base, doe, number))?;
+    }
+    let evaluated = doe.evaluated(problem, base);
+    for (place, quantity) in problem.modelled().iter().enumerate() {
+        let exact = |(number, criteria): (&u64, &Criteria)| {
+            Some(Observation {
+                number: *number,
+                x: doe.designs.get(*number as usize)?.x.clone(),
+                value: *criteria.values().get(place)?,
+                variance: 0.0,
+                samples: 1,
+                is_feasible: false,
+            })
+        };
+        let observed: Vec<Observation> = evaluated.iter().filter_map(exact).collect();
+        let title = format!("constraint {}", quantity.name);
+        fit_one(title, &observed).context(
+            "mark the constraints cheap = true to have the program evaluate every candidate",
+        )?;
+    }
+    Ok(fitted)
 }
 
 /// Fits the kriging model of the objective as the campaign's `[kriging]` says; `cpu_seconds` is left zero.

@@ -21,6 +21,7 @@
 //!
 //! Nothing here reads a clock or writes to a store.
 
+pub mod calls;
 pub mod choosing;
 pub mod constraints;
 pub mod contradiction;

@@ -27,6 +27,10 @@ pub struct Progress {
     pub optima: u64,
     /// Samples at optima.
     pub point_samples: u64,
+    /// Evaluations of candidates by an external program.
+    pub evaluations: u64,
+    /// Values of the samples that belong to them.
+    pub evaluation_values: u64,
     /// Recorded crashes, failures and quarantines.
     pub failures: u64,
 }
@@ -44,11 +48,14 @@ pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<Progress, Er
                   (SELECT coalesce(sum(samples), 0) FROM sample_tally WHERE stream <= ?1)
                       AS "samples!: u64",
                   (SELECT count(*) FROM response WHERE number = 0) AS "responses!: u64",
-                  (SELECT count(*) FROM model) AS "models!: u64",
+                  (SELECT count(*) FROM model WHERE number = 0) AS "models!: u64",
                   (SELECT count(*) FROM optimiser_run) AS "optimiser_runs!: u64",
                   (SELECT count(*) FROM optimum) AS "optima!: u64",
                   (SELECT coalesce(sum(samples), 0) FROM sample_tally WHERE stream > ?1)
                       AS "point_samples!: u64",
+                  (SELECT count(*) FROM evaluation) AS "evaluations!: u64",
+                  (SELECT coalesce(sum(length(samples) / 8), 0) FROM evaluation)
+                      AS "evaluation_values!: u64",
                   (SELECT coalesce(sum(failures), 0) FROM failure_tally) AS "failures!: u64""#,
         last_design,
     );

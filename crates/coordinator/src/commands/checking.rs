@@ -7,16 +7,18 @@ use ledger::{Generation, StreamId, Unit};
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use problem::task::{self, Output, Run, Source};
-use problem::{Approach, optimise};
+use problem::{Approach, Campaign, optimise};
 use rand::RngExt as _;
 use results::table::SCHEMA_VERSION;
 use runner::exit::{self, ProgramError};
+use runner::worker::{Trial, trial};
 use serde::Serialize;
+use stages::calls::{self, Calls};
 use stages::references;
 use stages::stage::Stage;
 use stats::streams::{Purpose, stream};
 
-use super::{print_either, read};
+use super::{folder_of, print_either, read};
 use crate::arguments;
 use runner::cpu::thread_seconds;
 
@@ -50,7 +52,12 @@ struct StagePlan {
     stage: Stage,
     /// The work of the stage, in words.
     work: String,
-    /// Time on one processor of this machine; none with an external simulator.
+    /// Calls of an external program, at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    evaluations: Option<u64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    samples: Option<u64>,
+    /// Time on one processor of this machine; none with an external simulator that is not there.
     core_seconds: Option<f64>,
 }
 
@@ -66,11 +73,17 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     let evaluations = u64::from(campaign.optimise.evaluations);
     let points = references::points(&problem).len() as u64 + problem.approaches().count() as u64;
     let verify = u64::from(campaign.verify.first());
-    // Only a run can tell the time of an external program and which designs it refuses.
-    let measured = if campaign.is_external() {
-        None
-    } else {
-        Some(measure(&problem)?)
+    let exec = arguments
+        .simulator
+        .exec_or(&campaign.simulator, folder_of(Some(&arguments.campaign)));
+    let trial = match (campaign.is_external(), &exec) {
+        (true, Some(exec)) => Some(trial(&problem, exec)?),
+        _ => None,
+    };
+    let measured = match &trial {
+        Some(trial) => Some(TrialTimes::of(trial, &problem)),
+        None if campaign.is_external() => None,
+        None => Some(measure(&problem)?),
     };
     let TrialTimes {
         sampled,
@@ -129,7 +142,10 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
         ),
         (
             Stage::Optimise,
-            format!("{runs} runs, {} analyses", runs * evaluations),
+            match problem.modelled() {
+                [] => format!("{runs} runs, {} analyses", runs * evaluations),
+                _ => format!("{runs} runs, at most {} evaluations", runs * evaluations),
+            },
             optimising,
         ),
         (
@@ -155,12 +171,22 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
         let seconds = left * sample_seconds + 0.05 * points;
         rows.insert(4, (Stage::Enrich, what, seconds));
     }
-    let stage = |(stage, work, seconds)| StagePlan {
-        stage,
-        work,
-        core_seconds: measured.is_some().then_some(seconds),
+    let planned = match campaign.is_external() {
+        true => calls::planned(&problem),
+        false => Vec::new(),
+    };
+    let stage = |(stage, work, seconds): (Stage, String, f64)| {
+        let calls = planned.iter().find(|calls| calls.stage == stage);
+        StagePlan {
+            stage,
+            work,
+            evaluations: calls.map(|calls| calls.evaluations),
+            samples: calls.map(|calls| calls.samples),
+            core_seconds: measured.is_some().then_some(seconds),
+        }
     };
     let stages: Vec<StagePlan> = rows.into_iter().map(stage).collect();
+    let refused = trial.and_then(|trial| refused(&trial));
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
         schema_version: SCHEMA_VERSION,
@@ -178,13 +204,50 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
         nothing_to_sample: measured
             .filter(|measured| measured.sampled == 0.0)
             .map(|measured| measured.reason),
-        warnings: campaign.warnings().into_iter().chain(beyond).collect(),
+        warnings: campaign
+            .warnings()
+            .into_iter()
+            .chain(beyond)
+            .chain(over_budget(&campaign, &planned))
+            .chain(refused)
+            .collect(),
     };
     print_either(arguments.json, &plan, || describe(&plan))?;
     Ok(match plan.nothing_to_sample {
         None => exit::OK,
         Some(_) => exit::NOT_SIMULABLE,
     })
+}
+
+/// What to do about a plan that costs more than its budget.
+fn over_budget(campaign: &Campaign, planned: &[Calls]) -> Option<String> {
+    let budget = campaign.budget.calls?;
+    let all: u64 = planned.iter().map(Calls::count).sum();
+    let most = planned.iter().max_by_key(|calls| calls.count())?;
+    let key = match most.stage {
+        Stage::Optimise => "optimise.evaluations, or fewer approaches",
+        Stage::Enrich => "enrichment.samples",
+        Stage::Verify => "verify.samples",
+        _ => "doe.designs and sampling.samples_per_design",
+    };
+    (all > budget).then(|| {
+        format!(
+            "budget.calls is {budget}, and the plan has up to {all} calls of the program: the campaign may end without \
+             its optima. Most of them, {}, are of the stage {}: {key} changes them",
+            most.count(),
+            most.stage
+        )
+    })
+}
+
+/// A warning if the program refused designs of the trial.
+fn refused(trial: &Trial) -> Option<String> {
+    let first = trial.refused.first()?;
+    Some(format!(
+        "the program refused {} of {} random designs, the first because of {first}",
+        trial.refused.len(),
+        trial.designs
+    ))
 }
 
 /// Samples that one store holds well: a store of 10⁸ opens in seconds (`load -- large`), and the time grows in
@@ -225,6 +288,7 @@ fn describe(plan: &Plan) -> String {
         stage,
         work,
         core_seconds,
+        ..
     } in &plan.stages
     {
         text += &match core_seconds {
@@ -234,8 +298,26 @@ fn describe(plan: &Plan) -> String {
     }
     text += &match plan.core_seconds {
         Some(total) => format!("{:<65}{total:>8.1} core-seconds (estimated)\n", "all"),
-        None => "\nThe time of an external simulator is not estimated.\n".to_owned(),
+        None => {
+            "\nWith --exec, or [simulator] command in the file, a few trial calls estimate the time of the program.\n"
+                .to_owned()
+        }
     };
+    let sum = |of: fn(&StagePlan) -> Option<u64>| plan.stages.iter().filter_map(of).sum::<u64>();
+    let (evaluations, samples) = (sum(|one| one.evaluations), sum(|one| one.samples));
+    if evaluations + samples > 0 {
+        text += &format!(
+            "\nThe program is called at most {} times: {evaluations} evaluations and {samples} samples.\n",
+            evaluations + samples
+        );
+    }
+    if let (true, Some(seconds)) = (samples > 0, plan.core_seconds) {
+        let processors = std::thread::available_parallelism().map_or(1, usize::from);
+        text += &format!(
+            "That is about {} on the {processors} processors of this machine.\n",
+            duration(seconds / processors as f64)
+        );
+    }
     for note in [&plan.accuracy, &plan.manufacture].into_iter().flatten() {
         text += &format!("\n{note}\n");
     }
@@ -243,6 +325,15 @@ fn describe(plan: &Plan) -> String {
         text += &format!("\nwarning: {warning}\n");
     }
     text
+}
+
+/// A time in words.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        ..120.0 => format!("{seconds:.0} s"),
+        ..7200.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
+    }
 }
 
 /// Times on one processor of this machine, measured with a few designs of the campaign.
@@ -258,6 +349,29 @@ struct TrialTimes {
     sample_seconds: f64,
     /// Time of one run of every optimised approach, in seconds.
     run_seconds: f64,
+}
+
+impl TrialTimes {
+    /// Those of an external program. A call takes all the processors that the campaign states.
+    fn of(trial: &Trial, problem: &Problem) -> Self {
+        let campaign = problem.campaign();
+        let processors = f64::from(campaign.simulator.processors.unwrap_or(1));
+        let design_seconds = processors * trial.evaluation_seconds;
+        let sample_seconds = processors * trial.sample_seconds;
+        let planned = calls::planned(problem);
+        let search = planned.iter().find(|calls| calls.stage == Stage::Optimise);
+        let of_search = search.map_or(0.0, |calls| {
+            calls.evaluations as f64 * design_seconds + calls.samples as f64 * sample_seconds
+        });
+        Self {
+            // Of a few designs the share says little.
+            sampled: 1.0,
+            reason: String::new(),
+            design_seconds,
+            sample_seconds,
+            run_seconds: of_search / f64::from(campaign.optimise.starts),
+        }
+    }
 }
 
 /// Number of random designs tried.

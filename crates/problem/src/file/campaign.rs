@@ -7,8 +7,8 @@ use sha2::{Digest, Sha256};
 use super::form::Form;
 use super::validate::{Invalid, Source};
 use super::{
-    ConstraintSection, ControlVariate, Doe, Enrichment, ExternalSections, FileError, FrozenFrom,
-    GearSections, Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify,
+    Budget, ConstraintSection, ControlVariate, Doe, Enrichment, ExternalSections, FileError,
+    FrozenFrom, GearSections, Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify,
     WearCoefficients,
 };
 use crate::approach::Approach;
@@ -37,6 +37,8 @@ pub struct Campaign {
     pub verify: Verify,
     /// `[simulator]`
     pub simulator: SimulatorSection,
+    /// `[budget]`
+    pub budget: Budget,
     /// `[enrichment]`
     pub enrichment: Option<Enrichment>,
 }
@@ -131,6 +133,7 @@ impl Campaign {
     pub fn digest(&self) -> String {
         let mut content = self.clone();
         content.simulator = content.simulator.of_values();
+        content.budget = Budget::default();
         hex(Sha256::digest(content.to_json().as_bytes()).into())
     }
 
@@ -148,6 +151,7 @@ impl Campaign {
         values.doe.designs = 0;
         values.sampling.samples_per_design = 0;
         values.verify = Verify::default();
+        values.budget = Budget::default();
         values.enrichment = None;
         values.approaches = None;
         if !self.samples_follow_measure() {
@@ -184,6 +188,7 @@ impl Campaign {
             same.sampling.objective = held.sampling.objective.clone();
             same.set_sampled_constraints(held.sampled_constraints());
         }
+        same.budget = held.budget;
         same.doe.designs = held.doe.designs;
         same.sampling.samples_per_design = held.sampling.samples_per_design;
         same.verify = held.verify;
@@ -402,6 +407,7 @@ impl Campaign {
             "absent beside report.compare_with_paper: the paper prints 90 % percentiles",
         )?;
         self.verify.validate(source)?;
+        self.budget.validate(source)?;
         self.kriging
             .validate(source, self.doe.designs, &self.sampling)?;
         self.optimise.validate(source)

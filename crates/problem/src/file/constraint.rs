@@ -22,6 +22,11 @@ pub struct ConstraintSection {
     pub min: Option<f64>,
     /// Largest valid value. A constraint on samples has one of the two.
     pub max: Option<f64>,
+    /// Whether the program evaluates the deterministic responses in no time. A search on the model then asks it for those
+    /// of every candidate; otherwise they are modelled, and it is asked for promising candidates. All constraints on
+    /// deterministic responses have the same.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub cheap: bool,
     /// The measure of the samples that is limited; absent for a deterministic response.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measure: Option<MeasureName>,
@@ -102,6 +107,12 @@ impl ConstraintSection {
                 )),
             };
         };
+        source.require(
+            !self.cheap,
+            &key("cheap"),
+            self.cheap,
+            "absent beside measure: samples have their cost",
+        )?;
         if let [Some(min), Some(_)] = limits {
             let expected = "absent beside max: two limits of a measure are two constraints";
             return Err(source.refuse(&key("min"), min, expected));

@@ -255,6 +255,14 @@ impl ExternalSections {
             named(&section, &constraint.name, &constraint.unit)?;
             constraint.validate(source, &section, &self.responses)?;
         }
+        let mut deterministic = self.constraints.iter().filter(|one| one.measure.is_none());
+        let first = deterministic.next().is_some_and(|one| one.cheap);
+        source.require(
+            deterministic.all(|one| one.cheap == first),
+            "constraints",
+            "partly cheap",
+            "all cheap or none: one call of the program evaluates them all",
+        )?;
         for (index, input) in self.random.iter().enumerate() {
             let section = format!("random[{}]", index + 1);
             named(&section, &input.name, &input.unit)?;

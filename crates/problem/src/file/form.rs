@@ -6,10 +6,11 @@ use serde::{Deserialize, Serialize};
 use super::accuracy::AccuracySection;
 use super::validate::Source;
 use super::{
-    Bounds, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe, Enrichment,
-    ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind, Kriging, Load,
-    Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection, Report,
-    ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify, wear,
+    Bounds, Budget, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe,
+    Enrichment, ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind,
+    Kriging, Load, Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection,
+    Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify,
+    wear,
 };
 use crate::approach::Approach;
 
@@ -120,6 +121,8 @@ pub(crate) struct ExternalFile {
     verify: Verify,
     #[serde(default)]
     simulator: SimulatorSection,
+    #[serde(default)]
+    budget: Budget,
     enrichment: Option<Enrichment>,
 }
 
@@ -214,6 +217,7 @@ impl From<GearFile> for Campaign {
                 .verify
                 .resolved(file.simulator.kind == SimulatorKind::External),
             simulator: file.simulator,
+            budget: Budget::default(),
             enrichment: file.enrichment,
         }
     }
@@ -242,6 +246,7 @@ impl From<ExternalFile> for Campaign {
                 kind: SimulatorKind::External,
                 ..file.simulator
             },
+            budget: file.budget,
             enrichment: file.enrichment,
         }
     }
@@ -260,6 +265,7 @@ impl From<Campaign> for Form {
             optimise,
             verify,
             simulator,
+            budget,
             enrichment,
         } = campaign;
         let format = Campaign::FORMAT;
@@ -309,6 +315,7 @@ impl From<Campaign> for Form {
                 optimise,
                 verify,
                 simulator,
+                budget,
                 enrichment,
             })),
         }

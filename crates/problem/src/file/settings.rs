@@ -115,6 +115,16 @@ impl Verify {
         self.samples.unwrap_or(Self::PILOT)
     }
 
+    /// Most samples that an optimum gets.
+    #[must_use]
+    pub fn most(&self) -> u32 {
+        if self.half_width.is_some() {
+            Self::MOST
+        } else {
+            self.first()
+        }
+    }
+
     /// Number of samples of an optimum whose first ones have this percentile; as many as
     /// [`Verify::first`] if `pilot` has no interval.
     #[must_use]

@@ -88,6 +88,11 @@ impl External {
         self.deterministic().map(of).chain(baseline).collect()
     }
 
+    /// Whether searches on a model take the deterministic responses from models of their own.
+    pub(super) fn are_modelled(&self) -> bool {
+        self.deterministic().any(|section| !section.cheap)
+    }
+
     pub(super) fn random(&self) -> Option<RandomInputs> {
         let sections = &self.sections;
         let variables: Vec<&str> = sections.variables.iter().map(|one| &*one.name).collect();

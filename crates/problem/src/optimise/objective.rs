@@ -36,8 +36,19 @@ pub struct Candidate {
 struct Predicted {
     /// The mean of the objective's model.
     criterion: f64,
+    /// The means of the modelled quantities.
+    modelled: Vec<f64>,
     /// The bounds of the measures that constraints limit.
     limited: Vec<f64>,
+}
+
+impl Predicted {
+    /// The predicted criteria; `None` if the simulator is needed for them.
+    fn criteria(&self, problem: &Problem) -> Option<Criteria> {
+        let modelled = Criteria::new(self.modelled.clone());
+        let is_complete = self.modelled.len() == problem.deterministic().len();
+        is_complete.then(|| problem.with_limited(&modelled, &self.limited))
+    }
 }
 
 /// The simulator's evaluation of a candidate.
@@ -232,7 +243,7 @@ impl Objective {
             return Err(format!("{} is chosen, not optimised", run.approach.name()));
         }
         let needed = match run.approach {
-            Approach::Kriging => problem.measures().len(),
+            Approach::Kriging => problem.measures().len() + problem.modelled().len(),
             _ => 0,
         };
         if run.models.len() != needed {
@@ -265,16 +276,11 @@ impl Objective {
         let may_improve = predicted
             .as_ref()
             .is_none_or(|predicted| seen.improves(problem, predicted.criterion));
-        // Without deterministic constraints a design that is no improvement, or is predicted to violate a constraint,
-        // need not be evaluated.
-        let is_feasible = |predicted: &Predicted| {
-            let criteria = Criteria::new(predicted.limited.clone());
-            !problem.deterministic().is_empty() || problem.is_feasible(&criteria)
-        };
-        let is_settled = problem.deterministic().is_empty()
-            && predicted
-                .as_ref()
-                .is_some_and(|predicted| !may_improve || !is_feasible(predicted));
+        // A design that is no improvement, or is predicted to violate a constraint, need not be evaluated.
+        let is_settled = predicted.as_ref().is_some_and(|predicted| {
+            let criteria = predicted.criteria(problem);
+            criteria.is_some_and(|criteria| !may_improve || !problem.is_feasible(&criteria))
+        });
         Candidate {
             is_asked: design.is_some() && !is_settled,
             design,
@@ -287,6 +293,7 @@ impl Objective {
     fn predicted(&self, problem: &Problem, design: &Design) -> Option<Predicted> {
         let (objective, others) = self.models.split_first()?;
         let x = problem.free_values(design);
+        let (limited, modelled) = others.split_at_checked(problem.limited().len())?;
         let bound = |(measured, model): (&Measured, &kriging::Surrogate)| {
             let predicted = model
                 .predict_many(&x)
@@ -296,7 +303,8 @@ impl Objective {
         };
         Some(Predicted {
             criterion: objective.mean(&x),
-            limited: problem.limited().iter().zip(others).map(bound).collect(),
+            modelled: modelled.iter().map(|model| model.mean(&x)).collect(),
+            limited: problem.limited().iter().zip(limited).map(bound).collect(),
         })
     }
 
@@ -351,7 +359,7 @@ impl Objective {
         let predicted = candidate.predicted.as_ref();
         if !candidate.is_asked {
             let predicted = predicted?;
-            let criteria = Criteria::new(predicted.limited.clone());
+            let criteria = predicted.criteria(problem)?;
             let violation = problem.violation(&criteria);
             return Some(Assessment {
                 found: Solution {

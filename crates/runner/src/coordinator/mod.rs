@@ -15,6 +15,7 @@
 )]
 
 pub mod board;
+mod budget;
 mod compute;
 pub mod engine;
 pub mod ingest;

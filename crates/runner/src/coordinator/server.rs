@@ -2,9 +2,10 @@
 
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
+use problem::file::Budget;
 use problem::formulation::Problem;
 use problem::{Campaign, probe};
 use results::report;
@@ -16,11 +17,11 @@ use tracing::{info, warn};
 
 use crate::coordinator::board::{self, Board, Course};
 use crate::coordinator::engine::{CampaignEnd, Engine};
-use crate::coordinator::leases;
 use crate::coordinator::local::LocalWorkers;
 use crate::coordinator::recorder::{Recorder as _, StoreRecorder};
 use crate::coordinator::service::Service;
 use crate::coordinator::serving::{OpenPort, Port, RunningServer, farewell, listen};
+use crate::coordinator::{budget, leases};
 use crate::exit::ProgramError;
 
 /// Default duration of a lease.
@@ -75,6 +76,8 @@ pub enum Outcome {
     },
     /// A signal or a drain came first.
     Interrupted,
+    /// The budget is used up, as the sentence says, and work is left.
+    OverBudget(String),
 }
 
 /// Runs a campaign to its end, or until `shutdown`.
@@ -218,6 +221,20 @@ async fn run_open(
         tokio::spawn(stop.run_until_cancelled_owned(observe(observer, board, recorder.clone())));
     }
 
+    let over_budget = Arc::new(OnceLock::new());
+    if problem.campaign().budget != Budget::default() {
+        let (problem, store, board) = (Arc::clone(problem), store.clone(), Arc::clone(&board));
+        let (over_budget, stop) = (Arc::clone(&over_budget), hang_up.clone());
+        tokio::spawn(stop.run_until_cancelled_owned(async move {
+            match budget::used_up(&problem, &store, &board).await {
+                Ok(sentence) => {
+                    let _ = over_budget.set(sentence);
+                    board.drain(true);
+                }
+                Err(error) => warn!(%error, "the budget is no longer watched"),
+            }
+        }));
+    }
     let engine = Engine::new(
         Arc::clone(problem),
         model_digest.as_deref(),
@@ -242,7 +259,10 @@ async fn run_open(
                     engine.board.set_course(Course::Leave);
                     farewell(&engine.board).await;
                 }
-                break Ok(Outcome::Interrupted);
+                break Ok(match over_budget.get() {
+                    Some(sentence) => Outcome::OverBudget(sentence.clone()),
+                    None => Outcome::Interrupted,
+                });
             }
             Err(error) => break Err(error),
         };

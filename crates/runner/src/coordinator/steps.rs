@@ -12,7 +12,7 @@ use problem::{Approach, Design};
 use stages::cost::{self, Cost};
 use stages::deciding::Rows;
 use stages::doe::Doe;
-use stages::fitting::{self, ModelSummary};
+use stages::fitting::{self, Fitted, ModelSummary};
 use stages::linear::LinearResponse;
 use stages::optima::Optimum;
 use stages::rounds::{self, Round};
@@ -145,8 +145,12 @@ impl Steps {
             }
         };
         let mut rows = Vec::new();
-        for ((row, summary), measured) in models.into_iter().zip(self.problem.measures()) {
-            let of = measured.title();
+        for Fitted {
+            title: of,
+            row,
+            summary,
+        } in models
+        {
             for warning in &summary.warnings {
                 warn!(%warning, %of, "kriging");
             }

@@ -17,6 +17,7 @@ mod process;
 mod program;
 #[cfg(test)]
 mod tests;
+mod trial;
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -41,6 +42,7 @@ pub use files::FileMode;
 use files::Kept;
 use messages::{Answer, Content, Description, Numbers};
 use program::Program;
+pub use trial::{Trial, trial};
 
 /// Pause before a program that fails on every question of the model digest is asked again.
 const PROBE_PAUSE: Duration = Duration::from_secs(2);

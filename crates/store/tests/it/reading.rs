@@ -181,6 +181,8 @@ async fn every_table_gives_back_what_was_put() {
         optimiser_runs: 2,
         optima: 1,
         point_samples: 3,
+        evaluations: 0,
+        evaluation_values: 0,
         failures: 2,
     };
     assert_eq!(store.progress().await.unwrap(), progress);

@@ -1,0 +1,26 @@
+//! `[budget]`: what a campaign may cost.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::FileError;
+use super::validate::Source;
+
+/// `[budget]`, optional: what the campaign may cost, over all its stages and runs. Once it is used up, no more work is given
+/// out. A larger budget and the same command continue.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Budget {
+    /// Calls of the program: evaluations, samples and failures.
+    pub calls: Option<u64>,
+    /// Hours during which a coordinator works on the campaign.
+    pub hours: Option<f64>,
+}
+
+impl Budget {
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        source.require(self.calls != Some(0), "budget.calls", 0, "at least 1")?;
+        self.hours
+            .map_or(Ok(()), |hours| source.positive("budget.hours", hours))
+    }
+}

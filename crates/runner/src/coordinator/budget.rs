@@ -1,0 +1,66 @@
+//! The end of a campaign's budget.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use problem::formulation::Problem;
+use store::{Progress, Store};
+
+use crate::coordinator::board::Board;
+
+/// Interval at which the cost is compared with the budget.
+const PERIOD: Duration = Duration::from_secs(1);
+
+/// Waits until the budget is used up and there is work left, and returns a sentence that says so. Never returns for a
+/// campaign without a budget.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub(crate) async fn used_up(
+    problem: &Problem,
+    store: &Store,
+    board: &Arc<Board>,
+) -> Result<String, store::Error> {
+    let budget = problem.campaign().budget;
+    let before: f64 = store
+        .stage_times()
+        .await?
+        .iter()
+        .map(|row| row.wall_seconds)
+        .sum();
+    let since = Instant::now();
+    let mut period = tokio::time::interval(PERIOD);
+    loop {
+        period.tick().await;
+        let counts = board.live().counts;
+        if counts.free + counts.waiting + counts.leased == 0 {
+            continue;
+        }
+        let hours = (before + since.elapsed().as_secs_f64()) / 3600.0;
+        if let Some(most) = budget.hours.filter(|most| hours >= *most) {
+            return Ok(format!(
+                "budget.hours is {most}, and coordinators have worked on the campaign for {hours:.2} h"
+            ));
+        }
+        if let Some(most) = budget.calls {
+            let calls = calls(problem, &store.progress().await?);
+            if calls >= most {
+                return Ok(format!(
+                    "budget.calls is {most}, and the program was called {calls} times"
+                ));
+            }
+        }
+    }
+}
+
+/// Calls of the program that the store knows of.
+fn calls(problem: &Problem, progress: &Progress) -> u64 {
+    let width = problem.sampled().len() as u64;
+    progress.criteria_done
+        + progress.samples
+        + progress.point_samples
+        + progress.evaluations
+        + progress.evaluation_values / width
+        + progress.failures
+}
