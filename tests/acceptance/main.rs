@@ -41,5 +41,6 @@ mod stability;
 mod stopping;
 mod studies;
 mod tradeoff;
+mod um_bridge;
 mod undelivered;
 mod user_tables;

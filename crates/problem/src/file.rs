@@ -59,7 +59,7 @@ pub use response::ResponseSection;
 pub use sampling::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
 pub use sections::{Load, Manufacture};
 pub use settings::{Doe, Optimise, Verify};
-pub use simulator::{SimulatorKind, SimulatorSection};
+pub use simulator::{SimulatorKind, SimulatorSection, UmBridgeSection};
 pub(crate) use validate::Source;
 
 /// The errors of campaign and pair files.

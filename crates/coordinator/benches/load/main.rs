@@ -227,6 +227,7 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
             timeout: Duration::from_secs(60),
             files: None,
             environment: Vec::new(),
+            um_bridge: Vec::new(),
         }),
         host: format!("load:{}", std::process::id()),
         connect_timeout: Duration::from_secs(30),

@@ -29,6 +29,8 @@ pub struct SimulatorSection {
     /// The command for `sh -c`. The workers of `run` and `serve` take it; `--exec` stands in its place, and other workers
     /// need `--exec`.
     pub command: Option<String>,
+    /// The model of a UM-Bridge server, in the place of a command.
+    pub um_bridge: Option<UmBridgeSection>,
     /// The template of the program's input file, relative to the folder of the campaign file: the program reads and
     /// writes files. Given with `result`.
     pub template: Option<String>,
@@ -51,6 +53,20 @@ pub struct SimulatorSection {
     /// How long, in seconds, everything may fail before the campaign goes on without what fails; 60
     /// if absent. A shorter outage, such as of a licence server, costs nothing but time.
     pub retry_s: Option<f64>,
+}
+
+/// `[simulator.um_bridge]`: a model of a UM-Bridge server. Its inputs are the variables and then the random inputs, its
+/// outputs the sampled responses and then the deterministic ones, in the order of the file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct UmBridgeSection {
+    /// The addresses of servers that are alike, such as `http://localhost:4242`.
+    pub servers: Vec<String>,
+    /// The model's name; the server's only one if absent.
+    pub model: Option<String>,
+    /// The model's configuration.
+    #[serde(default)]
+    pub config: BTreeMap<String, serde_json::Value>,
 }
 
 impl SimulatorSection {
@@ -122,6 +138,22 @@ impl SimulatorSection {
         for (key, text) in [("command", &self.command), ("result", &self.result)] {
             let is_blank = text.as_ref().is_some_and(|text| text.trim().is_empty());
             source.require(!is_blank, &format!("simulator.{key}"), "", "not empty")?;
+        }
+        if let Some(model) = &self.um_bridge {
+            let key = "simulator.um_bridge.servers";
+            let is_address = |server: &String| server.starts_with("http://");
+            source.require(
+                !model.servers.is_empty() && model.servers.iter().all(is_address),
+                key,
+                &model.servers,
+                "one or more addresses such as \"http://localhost:4242\"",
+            )?;
+            source.require(
+                self.command.is_none() && self.template.is_none(),
+                key,
+                &model.servers,
+                "absent beside simulator.command: a campaign has one simulator",
+            )?;
         }
         if let Some(seconds) = self.timeout_s {
             source.within("simulator.timeout_s", seconds, 0.001, 1e9, "s")?;

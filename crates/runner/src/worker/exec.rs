@@ -18,6 +18,7 @@ mod program;
 #[cfg(test)]
 mod tests;
 mod trial;
+mod um_bridge;
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -70,6 +71,10 @@ pub struct SimulatorArguments {
     /// The result file that the external simulator writes: lines of name = value, or a JSON object
     #[arg(long, value_name = "NAME", requires = "template")]
     result: Option<PathBuf>,
+    /// The address of a UM-Bridge server, http://HOST:PORT, whose model is the simulator; repeated for servers
+    /// that are alike
+    #[arg(long, value_name = "URL", conflicts_with = "exec")]
+    um_bridge: Vec<String>,
 }
 
 impl SimulatorArguments {
@@ -77,8 +82,10 @@ impl SimulatorArguments {
     #[must_use]
     pub fn exec(&self) -> Option<Exec> {
         let files = self.template.clone().zip(self.result.clone());
-        self.exec.clone().map(|command| Exec {
+        let servers = (!self.um_bridge.is_empty()).then(|| self.um_bridge.join(" "));
+        self.exec.clone().or(servers).map(|command| Exec {
             command,
+            um_bridge: self.um_bridge.clone(),
             timeout: self.exec_timeout.unwrap_or(TIMEOUT),
             files: files.map(|(template, result)| FileMode { template, result }),
             environment: Vec::new(),
@@ -88,8 +95,12 @@ impl SimulatorArguments {
     /// The external simulator of the arguments, or else of the campaign, whose file lies in `folder`.
     #[must_use]
     pub fn exec_or(&self, section: &SimulatorSection, folder: &Path) -> Option<Exec> {
-        let of_file = section.command.as_ref().map(|command| Exec {
-            command: command.clone(),
+        let servers = section.um_bridge.as_ref().map(|model| &model.servers);
+        let command = section.command.clone();
+        let of_file = command.or(servers.map(|servers| servers.join(" ")));
+        let of_file = of_file.map(|command| Exec {
+            command,
+            um_bridge: servers.cloned().unwrap_or_default(),
             timeout: TIMEOUT,
             files: section.template.as_ref().zip(section.result.as_ref()).map(
                 |(template, result)| FileMode {
@@ -125,8 +136,10 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// The command of an external simulator.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exec {
-    /// The command for `sh -c`.
+    /// The command for `sh -c`, or the addresses of servers.
     pub command: String,
+    /// The addresses of UM-Bridge servers that are alike; empty for a command.
+    pub um_bridge: Vec<String>,
     /// Time limit of an answer.
     pub timeout: Duration,
     /// The files of a program that is called through files; none for one that answers lines.
@@ -151,6 +164,8 @@ pub(crate) struct Programs {
     idle: Mutex<Vec<Program>>,
     /// The version that the first process named; the others must name the same.
     version: OnceLock<String>,
+    /// Number of programs that were started.
+    started: AtomicUsize,
     stop: Arc<AtomicBool>,
     /// Number of sessions, each of which may hold a process.
     sessions: AtomicUsize,
@@ -178,6 +193,7 @@ impl Backend {
                 exec: exec.clone(),
                 idle: Mutex::new(Vec::new()),
                 version: OnceLock::new(),
+                started: AtomicUsize::new(0),
                 stop: Arc::new(AtomicBool::new(false)),
                 sessions: AtomicUsize::new(0),
                 has_answered: AtomicBool::new(false),
@@ -340,7 +356,9 @@ impl Session<'_> {
             }
         }
         let stop = Arc::clone(&self.programs.stop);
-        let process = Program::start(&self.programs.exec, stop, &self.programs.kept)?;
+        let number = self.programs.started.fetch_add(1, Ordering::Relaxed);
+        let of = (&self.problem.campaign().simulator, number);
+        let process = Program::start(&self.programs.exec, of, stop, &self.programs.kept)?;
         *self.process.borrow_mut() = Some(process);
         let request = messages::describe(self.problem).map_err(Fault::Program)?;
         let timeout = self.programs.exec.timeout.max(START);

@@ -162,6 +162,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<RunnerTi
                 timeout: Duration::from_secs(60),
                 files: None,
                 environment: Vec::new(),
+                um_bridge: Vec::new(),
             };
             (
                 Campaign::parse("the sleeping campaign", SLEEPING)?,

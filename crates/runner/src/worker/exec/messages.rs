@@ -252,7 +252,7 @@ pub(super) fn hear(line: &[u8], id: u64) -> Line<Map<String, Value>> {
 }
 
 /// Puts numbers that JSON does not have, as other programs write them, in quotation marks.
-fn with_quoted_numbers(text: &str) -> Cow<'_, str> {
+pub(super) fn with_quoted_numbers(text: &str) -> Cow<'_, str> {
     if !NUMBERS.iter().any(|number| text.contains(number)) {
         return Cow::Borrowed(text);
     }

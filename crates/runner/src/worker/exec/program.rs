@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use problem::file::SimulatorSection;
 use serde_json::{Map, Value};
 
 use super::Exec;
@@ -11,6 +12,7 @@ use super::fault::Fault;
 use super::files::{Files, Kept};
 use super::messages;
 use super::process::Process;
+use super::um_bridge::UmBridge;
 
 /// A simulator that accepts requests.
 #[derive(Debug)]
@@ -29,10 +31,13 @@ enum Kind {
     Lines(Process),
     /// A command that answers files with files.
     Files(Files),
+    /// A model of a server.
+    UmBridge(Box<UmBridge>),
 }
 
 impl Program {
-    /// Starts the program of `exec`. Once `stop` is set, the program is ended instead of waited
+    /// Starts the program of `exec` for a campaign with this section; of several servers it uses the one with this number.
+    /// Once `stop` is set, the program is ended instead of waited
     /// for. `kept` are the folders of failed runs.
     ///
     /// # Errors
@@ -40,10 +45,15 @@ impl Program {
     /// The machine cannot run it.
     pub(super) fn start(
         exec: &Exec,
+        (section, number): (&SimulatorSection, usize),
         stop: Arc<AtomicBool>,
         kept: &Arc<Kept>,
     ) -> Result<Self, Fault> {
         let kind = match &exec.files {
+            _ if !exec.um_bridge.is_empty() => {
+                let server = &exec.um_bridge[number % exec.um_bridge.len()];
+                Kind::UmBridge(Box::new(UmBridge::new(server, section, stop)))
+            }
             None => Kind::Lines(Process::start(&exec.command, &exec.environment, stop)?),
             Some(files) => Kind::Files(Files::new(exec, files, stop, kept)?),
         };
@@ -57,7 +67,7 @@ impl Program {
     pub(super) fn has_ended(&self) -> bool {
         match &self.kind {
             Kind::Lines(process) => process.has_ended(),
-            Kind::Files(_) => false,
+            Kind::Files(_) | Kind::UmBridge(_) => false,
         }
     }
 
@@ -79,6 +89,7 @@ impl Program {
                 process.ask(&self.line, timeout, &|line| messages::hear(line, id))
             }
             Kind::Files(files) => files.ask(request, timeout),
+            Kind::UmBridge(model) => model.ask(request, timeout),
         }
     }
 
@@ -86,7 +97,9 @@ impl Program {
     pub(super) fn refute(&mut self, answer: &str, reason: &str) -> String {
         match &mut self.kind {
             Kind::Lines(process) => process.refute(answer, reason, &self.line),
-            Kind::Files(_) => format!("the simulator's results cannot be used: {reason}"),
+            Kind::Files(_) | Kind::UmBridge(_) => {
+                format!("the simulator's results cannot be used: {reason}")
+            }
         }
     }
 }

@@ -50,6 +50,7 @@ fn backend_of(command: String, timeout: Duration) -> Backend {
         timeout,
         files: None,
         environment: Vec::new(),
+        um_bridge: Vec::new(),
     };
     chosen(&problem(), &exec)
 }
@@ -428,6 +429,7 @@ fn a_simulator_that_the_campaign_does_not_want_is_refused() {
         timeout: Duration::from_secs(1),
         files: None,
         environment: Vec::new(),
+        um_bridge: Vec::new(),
     };
     let unwanted = Backend::choose(&built_in, Some(&exec), watch::Sender::default()).unwrap_err();
     assert!(

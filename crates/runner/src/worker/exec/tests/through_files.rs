@@ -27,6 +27,7 @@ fn of_campaign(text: &str, template: &str, command: &str) -> (Problem, Backend, 
             result: "out.txt".into(),
         }),
         environment: Vec::new(),
+        um_bridge: Vec::new(),
     };
     let backend = chosen(&problem, &exec);
     (problem, backend, folder)
