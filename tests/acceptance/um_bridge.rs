@@ -1,4 +1,4 @@
-//! Models of UM-Bridge servers, which the Python package `umbridge` runs.
+//! The bracket of the guide: as a model of UM-Bridge servers, which the Python package `umbridge` runs, and with a budget.
 
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
@@ -141,4 +141,56 @@ fn a_model_of_a_server_gives_the_samples_of_the_same_program() {
     drop(one);
     let error = refused(&served(&here, ""));
     assert!(error.contains("no UM-Bridge server answers at"), "{error}");
+}
+
+#[test]
+fn a_campaign_ends_with_its_budget_and_continues_with_a_larger_one() {
+    let sandbox = Sandbox::new();
+    let text = bracket(&sandbox);
+    let slow = std::fs::read_to_string(sandbox.path("bracket.py")).expect("a file");
+    let slow = slow
+        .replace("import json, sys", "import json, sys, time")
+        .replace(
+            "    if request[\"request\"] == \"sample\":\n",
+            "    if request[\"request\"] == \"sample\":\n        time.sleep(0.002)\n",
+        );
+    std::fs::write(sandbox.path("bracket.py"), slow).expect("a file");
+    let run = |name: &str, db: &str, more: &str| {
+        let (file, out) = (format!("{name}.toml"), format!("{name}-report"));
+        std::fs::write(sandbox.path(&file), format!("{text}{more}")).expect("a file");
+        sandbox.coordinator(&["run", &file, "--db", db, "--out", &out])
+    };
+    let plain = run("plain", "plain.db", "");
+    assert_code(&plain, 0);
+    let ended = run("small", "i.db", "\n[budget]\ncalls = 100\n");
+    assert_code(&ended, 17);
+    let said = errors(&ended);
+    assert!(
+        said.contains("budget.calls is 100, and the program was called"),
+        "{said}"
+    );
+    let held = sandbox.status("i.db").expect("the store is there");
+    assert_eq!(held["finished"], false, "{held}");
+    let done = held["samples"]["done"].as_u64().expect("a number");
+    assert!((1..1800).contains(&done), "{held}");
+    // The next command ends at once, until the budget is larger.
+    assert_code(&run("small", "i.db", "\n[budget]\ncalls = 100\n"), 17);
+    assert_code(
+        &run(
+            "larger",
+            "i.db",
+            "\n[budget]\ncalls = 100000\nhours = 1.0\n",
+        ),
+        0,
+    );
+    let digest =
+        |db: &str| sandbox.status(db).expect("the store is there")["samples_digest"].clone();
+    assert_eq!(digest("i.db"), digest("plain.db"));
+    let checked = sandbox.coordinator(&["check", "small.toml"]);
+    assert_code(&checked, 0);
+    let said = printed(&checked);
+    assert!(
+        said.contains("budget.calls is 100, and the plan has up to 4130 calls"),
+        "{said}"
+    );
 }

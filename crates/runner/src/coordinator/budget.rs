@@ -9,7 +9,7 @@ use store::{Progress, Store};
 use crate::coordinator::board::Board;
 
 /// Interval at which the cost is compared with the budget.
-const PERIOD: Duration = Duration::from_secs(1);
+const PERIOD: Duration = Duration::from_millis(200);
 
 /// Waits until the budget is used up and there is work left, and returns a sentence that says so. Never returns for a
 /// campaign without a budget.
