@@ -1,10 +1,10 @@
-//! The bracket of the guide: as a model of UM-Bridge servers, which the Python package `umbridge` runs, and with a budget.
+//! The bracket that `init --external` writes: as a model of UM-Bridge servers, which the Python package `umbridge` runs, and with a budget.
 
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, assert_code, errors, free_address, printed, root, skipped};
+use acceptance::{Sandbox, assert_code, errors, free_address, printed, skipped};
 
 const MODEL: &str = include_str!("cases/um-bridge/model.py");
 
@@ -52,20 +52,13 @@ impl Drop for Server {
     }
 }
 
-/// The campaign and the program of the guide.
+/// The campaign that `init` writes, beside its program.
 fn bracket(sandbox: &Sandbox) -> String {
-    let page = std::fs::read_to_string(root().join("docs/guide/src/robust.md")).expect("a page");
-    let block = |begin: &str| {
-        let (_, rest) = page.split_once(begin).expect("the block");
-        rest.split("```")
-            .next()
-            .expect("its end")
-            .trim_start()
-            .to_owned()
-    };
-    let program = block("```python file=bracket.py");
-    std::fs::write(sandbox.path("bracket.py"), program).expect("a file");
-    block("```toml file=bracket.toml")
+    assert_code(
+        &sandbox.coordinator(&["init", "bracket.toml", "--external"]),
+        0,
+    );
+    std::fs::read_to_string(sandbox.path("bracket.toml")).expect("a file")
 }
 
 #[test]
@@ -149,11 +142,8 @@ fn a_campaign_ends_with_its_budget_and_continues_with_a_larger_one() {
     let text = bracket(&sandbox);
     let slow = std::fs::read_to_string(sandbox.path("bracket.py")).expect("a file");
     let slow = slow
-        .replace("import json, sys", "import json, sys, time")
-        .replace(
-            "    if request[\"request\"] == \"sample\":\n",
-            "    if request[\"request\"] == \"sample\":\n        time.sleep(0.002)\n",
-        );
+        .replace("import sys\n", "import sys\nimport time\n")
+        .replace("    section =", "    time.sleep(0.002)\n    section =");
     std::fs::write(sandbox.path("bracket.py"), slow).expect("a file");
     let run = |name: &str, db: &str, more: &str| {
         let (file, out) = (format!("{name}.toml"), format!("{name}-report"));

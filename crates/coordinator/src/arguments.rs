@@ -408,4 +408,7 @@ pub(crate) struct Init {
     /// The file to write; one that exists is refused
     #[arg(value_name = "FILE.toml")]
     pub(crate) file: PathBuf,
+    /// Write a problem without gears, and a program in Python that simulates it
+    #[arg(long)]
+    pub(crate) external: bool,
 }

@@ -388,12 +388,29 @@ async fn compare(arguments: arguments::Compare) -> Result<u8, ProgramError> {
     Ok(exit::OK)
 }
 
+/// Writes a file that does not exist yet.
+fn write_new(path: &Path, text: &str) -> Result<(), ProgramError> {
+    let mut file = create_new(path)?;
+    let written = file.write_all(text.as_bytes());
+    Ok(written.map_err(|source| FileAccess::new("write", path, source))?)
+}
+
 fn init(arguments: &arguments::Init) -> Result<u8, ProgramError> {
-    let mut file = create_new(&arguments.file)?;
     let stem = arguments.file.file_stem().and_then(OsStr::to_str);
-    let text = Campaign::pair_named(stem.unwrap_or_default());
-    file.write_all(text.as_bytes())
-        .map_err(|source| FileAccess::new("write", &arguments.file, source))?;
+    let stem = stem.unwrap_or_default();
+    if arguments.external {
+        let (name, [campaign, program]) = Campaign::external_named(stem);
+        let path = arguments.file.with_file_name(format!("{name}.py"));
+        write_new(&path, &program)?;
+        write_new(&arguments.file, &campaign)?;
+        print(&format!(
+            "{} states a problem of your own, and {} is its program: edit both, then check and run the campaign\n",
+            arguments.file.display(),
+            path.display()
+        ))?;
+        return Ok(exit::OK);
+    }
+    write_new(&arguments.file, &Campaign::pair_named(stem))?;
     print(&format!(
         "{} holds the profile shifts of a helical gear pair cut with standard hobs: edit it, then check it\n",
         arguments.file.display()

@@ -1,17 +1,27 @@
-//! A campaign's progress on a terminal: one line for each stage.
+//! A campaign's progress: on a terminal one line for each stage, elsewhere a line of the log from time to time.
 
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
 use results::running::Live;
 use results::status::Status;
 use stages::stage::Stage;
+use tracing::info;
 
 const TICK: Duration = Duration::from_millis(200);
+/// Interval of lines in the log, without a terminal.
+const LOGGED_EVERY: Duration = Duration::from_secs(15);
 
-/// The progress of a campaign: a line for each finished stage and one for the running stage.
-pub(crate) struct Progress(Mutex<Option<Line>>);
+/// The progress of a campaign.
+pub(crate) struct Progress(Mutex<Shown>);
+
+struct Shown {
+    /// On a terminal, a line for each finished stage and one for the running stage.
+    line: Option<Line>,
+    /// The time of the last line in the log.
+    logged: Instant,
+}
 
 /// The line of the running stage.
 struct Line {
@@ -28,14 +38,26 @@ struct Step {
 }
 
 impl Progress {
-    /// Creates the display without lines. It draws only if standard error is a terminal.
+    /// Creates the display without lines. It draws only if standard error is a terminal, and writes to the log otherwise.
     pub(crate) fn new() -> Self {
-        Self(Mutex::new(None))
+        Self(Mutex::new(Shown {
+            line: None,
+            logged: Instant::now(),
+        }))
     }
 
     /// Shows the running stage. The line of the previous one stays, with its duration.
     pub(crate) fn show(&self, status: &Status) {
-        let mut line = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut shown = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if runner::console::bars().is_hidden() {
+            if status.stage != Stage::Done && shown.logged.elapsed() >= LOGGED_EVERY {
+                shown.logged = Instant::now();
+                let step = step(status);
+                info!(stage = %status.stage, done = step.done, of = step.wanted, "{}", step.message);
+            }
+            return;
+        }
+        let line = &mut shown.line;
         if line.as_ref().is_none_or(|line| line.stage != status.stage) {
             if let Some(line) = line.take() {
                 line.end();
@@ -54,8 +76,8 @@ impl Progress {
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        let line = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
-        if let Some(line) = line.take() {
+        let shown = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Some(line) = shown.line.take() {
             line.bar.finish_and_clear();
         }
     }

@@ -209,3 +209,37 @@ fn a_baseline_with_a_kink_does_not_hold_the_search() {
     let truth = (problem.response)(&best.x);
     assert!(truth < 1.02, "{truth} at {:?}", best.x);
 }
+
+/// The response falls towards x = 1, and a constraint that is known from samples forbids x > 0.6: its probability of
+/// holding decides where new designs lie, with and without a design that keeps it.
+#[test]
+fn new_designs_lie_where_a_constraint_probably_holds() {
+    let problem = Problem {
+        bounds: unit(1),
+        response: |x| 2.0 - x[0],
+        noise: 0.01,
+        violation: |x| Some((x[0] - 0.6).max(0.0)),
+    };
+    let holds = |x: f64| 1.0 / (1.0 + (60.0 * (x - 0.6)).exp());
+    let known = |x: &[f64]| {
+        Some(enrich::ExactCriteria {
+            holds: holds(x[0]),
+            ..enrich::ExactCriteria::from(0.0)
+        })
+    };
+    for only_infeasible in [false, true] {
+        let mut state = sampled(&problem, 12, 30);
+        if only_infeasible {
+            state.sampled.retain(|row| row.violation > 0.0);
+        }
+        let decision = decide(&state, &options(&problem), &known).unwrap();
+        let new = decision.infill.iter().filter_map(|infill| match infill {
+            enrich::Infill::New { x, .. } => Some(x[0]),
+            enrich::Infill::More { .. } => None,
+        });
+        let new: Vec<f64> = new.collect();
+        assert!(!new.is_empty(), "{decision:?}");
+        assert!(new.iter().all(|x| holds(*x) > 0.02), "{new:?}");
+        assert_eq!(decision.recommendation.is_none(), only_infeasible);
+    }
+}

@@ -13,13 +13,18 @@ use super::validate::Source;
 pub struct Budget {
     /// Calls of the program: evaluations, samples and failures.
     pub calls: Option<u64>,
+    /// Samples alone: of the DoE, infill, direct searches and verification.
+    pub samples: Option<u64>,
     /// Hours during which a coordinator works on the campaign.
     pub hours: Option<f64>,
 }
 
 impl Budget {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.require(self.calls != Some(0), "budget.calls", 0, "at least 1")?;
+        for (key, count) in [("calls", self.calls), ("samples", self.samples)] {
+            let key = format!("budget.{key}");
+            source.require(count != Some(0), &key, 0, "at least 1")?;
+        }
         self.hours
             .map_or(Ok(()), |hours| source.positive("budget.hours", hours))
     }

@@ -72,6 +72,26 @@ impl Campaign {
         Self::PAIR.replacen("name = \"pair\"", &format!("name = {name:?}"), 1)
     }
 
+    /// The shipped example of an external problem, with its program.
+    pub const EXTERNAL: [&'static str; 2] = [
+        include_str!("../../../../campaigns/bracket/campaign.toml"),
+        include_str!("../../../../campaigns/bracket/bracket.py"),
+    ];
+
+    /// [`Self::EXTERNAL`] with this name, if the name is valid, and the name.
+    #[must_use]
+    pub fn external_named(name: &str) -> (String, [String; 2]) {
+        let name = if is_name(name) { name } else { "bracket" };
+        (
+            name.to_owned(),
+            Self::EXTERNAL.map(|text| {
+                text.replace("name = \"bracket\"", &format!("name = {name:?}"))
+                    .replace("bracket.toml", &format!("{name}.toml"))
+                    .replace("bracket.py", &format!("{name}.py"))
+            }),
+        )
+    }
+
     /// The shipped file of the paper's campaign with Archard's law of wear.
     pub const WEAR: &'static str = include_str!("../../../../campaigns/wear.toml");
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use problem::formulation::Problem;
-use store::{Progress, Store};
+use store::Store;
 
 use crate::coordinator::board::Board;
 
@@ -43,24 +43,21 @@ pub(crate) async fn used_up(
                 "budget.hours is {most}, and coordinators have worked on the campaign for {hours:.2} h"
             ));
         }
-        if let Some(most) = budget.calls {
-            let calls = calls(problem, &store.progress().await?);
-            if calls >= most {
-                return Ok(format!(
-                    "budget.calls is {most}, and the program was called {calls} times"
-                ));
-            }
+        let progress = store.progress().await?;
+        let width = problem.sampled().len() as u64;
+        let samples =
+            progress.samples + progress.point_samples + progress.evaluation_values / width;
+        if let Some(most) = budget.samples.filter(|most| samples >= *most) {
+            return Ok(format!(
+                "budget.samples is {most}, and there are {samples} samples"
+            ));
+        }
+        // Those that the store knows of.
+        let calls = samples + progress.criteria_done + progress.evaluations + progress.failures;
+        if let Some(most) = budget.calls.filter(|most| calls >= *most) {
+            return Ok(format!(
+                "budget.calls is {most}, and the program was called {calls} times"
+            ));
         }
     }
-}
-
-/// Calls of the program that the store knows of.
-fn calls(problem: &Problem, progress: &Progress) -> u64 {
-    let width = problem.sampled().len() as u64;
-    progress.criteria_done
-        + progress.samples
-        + progress.point_samples
-        + progress.evaluations
-        + progress.evaluation_values / width
-        + progress.failures
 }

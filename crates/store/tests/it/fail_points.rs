@@ -59,7 +59,7 @@ fn run_child(path: &Path, fail_point: &str) -> (u64, bool) {
 async fn held_batches(store: &Store) -> u64 {
     let held = store.progress().await.unwrap().samples;
     assert_eq!(held % ROWS, 0, "part of a batch");
-    let rows = samples_of(&store, of(0)).await.unwrap();
+    let rows = samples_of(store, of(0)).await.unwrap();
     let expected: Vec<(u64, f64)> = (0..held).map(|i| (i, (i % ROWS) as f64)).collect();
     assert_eq!(rows, expected);
     store.visit_samples(|_| Ok::<(), Error>(())).await.unwrap();
