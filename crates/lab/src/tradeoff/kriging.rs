@@ -109,7 +109,7 @@ pub(crate) fn run(
     counts.push(training.len());
     let panel = format!(
         "{} at {} held-out designs",
-        problem.measured().name.to_string(),
+        problem.measured().name,
         held_out.len()
     );
     let mut table = Table::new(&COLUMNS);

@@ -17,6 +17,7 @@ use crate::quantity::Quantity;
     untagged,
     expecting = "the name of a response, or { greatest = [\"a\", \"b\"] }, { least = [\"a\", \"b\"] } or { sum = { a = 0.5, b = 0.5 } }"
 )]
+#[schemars(title = "a name, or a combination of names")]
 pub enum Combination {
     /// One response.
     One(String),

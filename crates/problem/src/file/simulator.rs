@@ -59,6 +59,7 @@ pub struct SimulatorSection {
 /// outputs the sampled responses and then the deterministic ones, in the order of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "a section with `servers`, `model` and `config`")]
 pub struct UmBridgeSection {
     /// The addresses of servers that are alike, such as `http://localhost:4242`.
     pub servers: Vec<String>,

@@ -17,7 +17,7 @@ use super::fault::Fault;
 use super::messages::{Numbers, PROTOCOL, with_quoted_numbers};
 use problem::file::SimulatorSection;
 
-/// Interval at which a request in progress looks whether it is to be given up.
+/// Interval at which a request in progress looks whether it is to be left.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A model on one server.
