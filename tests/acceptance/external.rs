@@ -52,10 +52,15 @@ fn the_example_runs_from_the_doe_to_the_report() {
     let check = sandbox.coordinator(&["check", &file]);
     assert_code(&check, 0);
     assert!(
-        printed(&check).contains("is not estimated"),
+        printed(&check).contains("a few trial calls estimate the time"),
         "{}",
         printed(&check)
     );
+    let check = sandbox.coordinator(&["check", &file, "--exec", &exec]);
+    assert_code(&check, 0);
+    let said = printed(&check);
+    assert!(said.contains("The program is called at most "), "{said}");
+    assert!(said.contains("That is about "), "{said}");
     let without = sandbox.coordinator(&["run", &file, "--db", "none.db"]);
     assert_code(&without, 2);
     assert!(
