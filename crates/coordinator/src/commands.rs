@@ -324,12 +324,6 @@ async fn conduct(plan: Plan) -> Result<u8, ProgramError> {
             info!("stopped; start the same command again to continue");
             Ok(exit::INTERRUPTED)
         }
-        Outcome::OverBudget(sentence) => {
-            warn!(
-                "{sentence}: no more work is given out; a larger budget and the same command continue"
-            );
-            Ok(exit::OVER_BUDGET)
-        }
     }
 }
 

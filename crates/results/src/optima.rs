@@ -10,7 +10,7 @@ use stats::{Samples, Verified};
 use store::Store;
 
 use crate::estimate::Estimate;
-use crate::number::{percent, with_unit};
+use crate::number::percent;
 
 /// An optimum with its verification.
 #[derive(Debug, Clone, PartialEq)]
@@ -89,8 +89,14 @@ impl VerifiedLimit {
     /// The constraint as a phrase, such as P(stress > 400 MPa) ≤ 0.001.
     #[must_use]
     pub fn statement(&self) -> String {
-        let limit = with_unit(self.limit, 6, &self.unit);
-        format!("{} {} {limit}", self.measure, self.relation)
+        format!("{} {}", self.measure, self.relation_to_limit())
+    }
+
+    /// The relation and the limit as the file states it, such as ≤ 0.001.
+    #[must_use]
+    pub fn relation_to_limit(&self) -> String {
+        let space = if self.unit.is_empty() { "" } else { " " };
+        format!("{} {}{space}{}", self.relation, self.limit, self.unit)
     }
 
     /// The confidence in words.

@@ -71,10 +71,6 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
                 info!("stopped; start the same command again to continue");
                 return Ok(exit::INTERRUPTED);
             }
-            Outcome::OverBudget(sentence) => {
-                warn!("{sentence}");
-                return Ok(exit::OVER_BUDGET);
-            }
         }
     }
     let mut rows = Vec::new();

@@ -113,7 +113,7 @@ fn limit(limit: &VerifiedLimit) -> [String; 4] {
     [
         format!("{constraint}: {measure}"),
         format!("{}{ends}", with_unit(value.value, 3, unit)),
-        format!("{} {}", limit.relation, with_unit(limit.limit, 4, unit)),
+        limit.relation_to_limit(),
         limit.confidence_in_words(),
     ]
 }

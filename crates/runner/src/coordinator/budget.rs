@@ -7,6 +7,20 @@ use problem::formulation::Problem;
 use store::Store;
 
 use crate::coordinator::board::Board;
+use crate::exit::{self, HasExitCode};
+
+/// The budget of a campaign is used up, and work is left.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{0}: no more work is given out, and everything is kept; a larger budget and the same command continue"
+)]
+pub(crate) struct OverBudget(pub(crate) String);
+
+impl HasExitCode for OverBudget {
+    fn exit_code(&self) -> u8 {
+        exit::OVER_BUDGET
+    }
+}
 
 /// Interval at which the cost is compared with the budget.
 const PERIOD: Duration = Duration::from_millis(200);

@@ -16,12 +16,13 @@ use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::coordinator::board::{self, Board, Course};
+use crate::coordinator::budget::{self, OverBudget};
 use crate::coordinator::engine::{CampaignEnd, Engine};
+use crate::coordinator::leases;
 use crate::coordinator::local::LocalWorkers;
 use crate::coordinator::recorder::{Recorder as _, StoreRecorder};
 use crate::coordinator::service::Service;
 use crate::coordinator::serving::{OpenPort, Port, RunningServer, farewell, listen};
-use crate::coordinator::{budget, leases};
 use crate::exit::ProgramError;
 
 /// Default duration of a lease.
@@ -76,8 +77,6 @@ pub enum Outcome {
     },
     /// A signal or a drain came first.
     Interrupted,
-    /// The budget is used up, as the sentence says, and work is left.
-    OverBudget(String),
 }
 
 /// Runs a campaign to its end, or until `shutdown`.
@@ -259,10 +258,10 @@ async fn run_open(
                     engine.board.set_course(Course::Leave);
                     farewell(&engine.board).await;
                 }
-                break Ok(match over_budget.get() {
-                    Some(sentence) => Outcome::OverBudget(sentence.clone()),
-                    None => Outcome::Interrupted,
-                });
+                break match over_budget.get() {
+                    Some(sentence) => Err(OverBudget(String::clone(sentence)).into()),
+                    None => Ok(Outcome::Interrupted),
+                };
             }
             Err(error) => break Err(error),
         };

@@ -17,9 +17,9 @@ class Bracket(umbridge.Model):
 
     def __call__(self, parameters, config):
         (width, height), (pull, push) = parameters
-        length, section = config["length"], width * height * height
+        section = width * height**2 / 6.0
         mass = 0.00785 * 200.0 * width * height
-        return [[mass], [6.0 * length * pull / section, 6.0 * 260.0 * push / section]]
+        return [[mass], [config["length"] * pull / section, 260.0 * push / section]]
 
     def supports_evaluate(self):
         return True
