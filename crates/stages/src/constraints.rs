@@ -210,8 +210,8 @@ impl LimitedModels {
         }
     }
 
-    /// The values by which the constraints are judged at a sampled design. A measure without a model is judged by its own
-    /// estimate.
+    /// The values by which the constraints are judged at a sampled design. A measure without a model, or that is infinite
+    /// because samples failed, is judged by its own estimate.
     pub(crate) fn bounds(
         &self,
         problem: &Problem,
@@ -219,7 +219,8 @@ impl LimitedModels {
         estimates: &[(f64, f64)],
     ) -> Vec<f64> {
         let of = self.models.iter().zip(estimates).map(|(model, own)| {
-            let predicted = model.as_ref().map(|model| model.predict(x));
+            let model = model.as_ref().filter(|_| own.0.is_finite());
+            let predicted = model.map(|model| model.predict(x));
             predicted.map_or(*own, |predicted| (predicted.mean, predicted.variance))
         });
         doe::bounds(problem, &of.collect::<Vec<_>>())
