@@ -97,7 +97,7 @@ CREATE TABLE response (
 
 CREATE TABLE model (
     name         TEXT    NOT NULL,
-    -- The measure that it is a model of, as in table `response`.
+    -- The measure that it is a model of, as in table `response`; after these, the deterministic responses that are modelled.
     number       INTEGER NOT NULL CHECK (number >= 0),
     json         TEXT    NOT NULL,
     summary_json TEXT    NOT NULL,

@@ -333,11 +333,9 @@ async fn infill<W: Write + Send>(
     columns.extend(["{p}", "{p}_variance"].map(|what| statistic(problem, what)));
     let mut out = out.table(columns)?;
     for point in store.infill().await? {
-        let samples = store
-            .first_samples_of(StreamId::point(point.number))
-            .await?;
-        let values = samples.map(|samples| problem.objective().values(&samples));
-        let values = values.unwrap_or_default();
+        let stream = StreamId::point(point.number);
+        let samples = store.first_samples_of(stream, problem.sampled().len());
+        let values = problem.objective().values(&samples.await?);
         let is_whole = values.len() as u64 == point.samples && !point.failed;
         let estimate = problem.campaign().sampling.estimate(&values).ok();
         let estimate = estimate

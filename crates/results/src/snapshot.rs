@@ -62,9 +62,8 @@ impl Snapshot {
         if problem.campaign().compares_with_paper() {
             for place in Place::all() {
                 let stream = StreamId::point(place.number());
-                let samples = store.first_samples_of(stream).await?;
-                let values = samples.map(|samples| problem.objective().values(&samples));
-                printed.insert(place, values.unwrap_or_default());
+                let samples = store.first_samples_of(stream, problem.sampled().len());
+                printed.insert(place, problem.objective().values(&samples.await?));
             }
         }
         let mut responses = store.responses().await?;

@@ -10,7 +10,7 @@ use anyhow::Context as _;
 use enrich::{Decision, ExactCriteria, Infill, Note, Reason, RoundRecord, SampledDesign, State};
 use problem::Criteria;
 use problem::file::ControlVariate;
-use problem::formulation::{Design, Measured, Problem};
+use problem::formulation::{Design, Problem};
 use problem::simulator;
 use rayon::prelude::*;
 use stats::Samples;
@@ -20,13 +20,14 @@ use store::{
     UnsampledPoint,
 };
 
-use crate::constraints::{self, Caution, LimitedModels};
+use crate::constraints;
 use crate::doe::Doe;
 use crate::fitting::{self, Observation};
 use crate::infill::{self, MORE, REACH, bits, options, point_name, point_number};
+use crate::limits::{Caution, LimitedModels};
 use crate::linear::LinearResponse;
 use crate::plausibility::Plausibility;
-use crate::responses::{self, Controlled};
+use crate::responses;
 use crate::snapshot::{design_samples, infill_samples, response_counts};
 
 /// The rows of the store that a round is decided from.
@@ -77,9 +78,8 @@ impl Rows {
             if sampled.contains(&bits(&design.x)) {
                 let count = rows.counts.get(&design.design).copied().unwrap_or(0);
                 let held = design_samples(store, problem, design.design).await?;
-                let mut counted = Samples::none(held.width());
-                counted.extend(&held, count as usize);
-                rows.of_designs.insert(design.design, counted);
+                rows.of_designs
+                    .insert(design.design, held.first(count as usize));
             }
         }
         Ok(rows)
@@ -123,9 +123,9 @@ impl Rows {
 
     /// The designs whose criteria are known, with their criteria.
     fn evaluated(&self, problem: &Problem, base: &Design) -> Vec<(Vec<f64>, Criteria)> {
-        let of_doe = self.doe.criteria.iter().filter_map(|row| {
-            let design = self.doe.designs.get(row.design as usize)?;
-            let criteria = constraints::of_design(problem, base, design, row)?;
+        let of_doe = self.doe.evaluated(problem, base).into_iter();
+        let of_doe = of_doe.filter_map(|(number, criteria)| {
+            let design = self.doe.designs.get(number as usize)?;
             Some((design.x.clone(), criteria))
         });
         let of_infill = self.infill.iter().filter_map(|row| {
@@ -453,7 +453,7 @@ fn pool(
 ) -> (usize, Vec<ResponseRow>) {
     let mut samples = Samples::none(problem.sampled().len());
     for (_, _, held) in streams {
-        samples.extend(held, usize::MAX);
+        samples.extend(held);
     }
     let is_controlled = problem.campaign().sampling.control == ControlVariate::Linearised;
     let linear = is_controlled
@@ -466,17 +466,10 @@ fn pool(
         let controls: Vec<f64> = streams.iter().flat_map(of_stream).collect();
         (controls, linear.moments())
     });
-    let row = |measured: &Measured| {
-        let values = measured.values(&samples);
-        let controlled = Controlled {
-            values: &values,
-            control: control
-                .as_ref()
-                .map(|(controls, known)| (&controls[..], *known)),
-        };
-        responses::response(0, controlled, measured.sampling())
-    };
-    let rows: Result<Vec<ResponseRow>, _> = problem.measures().iter().map(row).collect();
+    let control = control
+        .as_ref()
+        .map(|(controls, known)| (&controls[..], *known));
+    let rows = responses::measures(problem, 0, &samples, control);
     (samples.len(), rows.unwrap_or_default())
 }
 

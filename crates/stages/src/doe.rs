@@ -49,10 +49,7 @@ impl Doe {
     pub fn evaluated(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, Criteria> {
         let evaluated = self.criteria.iter().filter_map(|row| {
             let design = self.designs.get(row.design as usize)?;
-            let design = problem.design(&design.x, base);
-            let responses = row.responses.as_ref()?;
-            let analysis = problem.analysis(&design, responses, State::Baseline)?;
-            Some((row.design, analysis.criteria))
+            Some((row.design, criteria_of(problem, base, design, row)?))
         });
         evaluated.collect()
     }
@@ -76,6 +73,19 @@ impl Doe {
         });
         feasible.collect()
     }
+}
+
+/// The deterministic criteria of a design in the baseline state, if it could be simulated.
+pub(crate) fn criteria_of(
+    problem: &Problem,
+    base: &Design,
+    design: &DesignRow,
+    row: &CriteriaRow,
+) -> Option<Criteria> {
+    let responses = row.responses.as_ref()?;
+    let design = problem.design(&design.x, base);
+    let analysis = problem.analysis(&design, responses, State::Baseline)?;
+    Some(analysis.criteria)
 }
 
 /// The values by which constraints on these estimates are judged.

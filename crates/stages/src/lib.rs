@@ -3,13 +3,15 @@
 //! - [`plan`] decides which samples and runs are missing and which local step comes next: from the
 //!   [`state`] of a campaign, which [`snapshot`] reads from its store. [`wanted`] turns that into
 //!   requests to workers.
-//! - [`designs`] makes the DoE.
+//! - [`designs`] makes the DoE, and [`doe`] is the DoE as it is stored.
+//! - [`calls`] counts the calls of an external program that a campaign plans.
 //! - [`responses`] says how many samples a design needs, and computes its response from them; [`linear`]
 //!   computes their control variate, and [`statistics`] the responses of the whole DoE.
 //! - [`plausibility`] finds samples of an external program that are absurd beside all others.
 //! - [`fitting`] fits the kriging model to the responses.
 //! - [`deciding`] decides rounds of infill from the store's rows; [`infill`] has their points and
-//!   settings, [`rounds`] the decisions, [`constraints`] models of an external program's constraints.
+//!   settings, [`rounds`] the decisions, [`constraints`] models of an external program's constraints,
+//!   `limits` those of limited measures.
 //! - [`choosing`] chooses the design that an approach ends with; [`optima`] has the rows of these
 //!   designs, [`cost`] their cost.
 //! - [`derived`] says which stored results are outdated.
@@ -32,6 +34,7 @@ pub mod designs;
 pub mod doe;
 pub mod fitting;
 pub mod infill;
+mod limits;
 pub mod linear;
 pub mod names;
 pub mod optima;

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use problem::file::Sampling;
-use problem::formulation::{Design, Problem};
+use problem::formulation::{Design, Measured, Problem};
 use rayon::prelude::*;
-use stats::VarianceFormula;
 use stats::streams::{Purpose, stream};
+use stats::{Samples, VarianceFormula};
 use store::{DesignRow, ResponseRow};
 
 use crate::linear::LinearResponse;
@@ -75,6 +75,25 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
         }
         count += more;
     }
+}
+
+/// All measures of a design from its samples, that of the objective first. The control variate is one of its response.
+pub fn measures(
+    problem: &Problem,
+    design: u64,
+    samples: &Samples,
+    control: Option<(&[f64], stats::Control)>,
+) -> Result<Vec<ResponseRow>, stats::Error> {
+    let row = |(number, measured): (u64, &Measured)| {
+        let values = measured.values(samples);
+        let samples = Controlled {
+            values: &values,
+            control: control.filter(|_| number == 0),
+        };
+        let row = response_of(design, samples, measured.sampling())?;
+        Ok(ResponseRow { number, ..row })
+    };
+    (0..).zip(problem.measures()).map(row).collect()
 }
 
 /// The response of one design of the DoE from its samples, by the campaign's settings.

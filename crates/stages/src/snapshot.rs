@@ -185,8 +185,10 @@ pub(crate) async fn design_samples(
     problem: &Problem,
     design: u64,
 ) -> Result<Samples, store::Error> {
-    let held = store.first_samples_of(names::design(design)).await?;
-    Ok(held.unwrap_or_else(|| Samples::none(problem.sampled().len())))
+    let responses = problem.sampled().len();
+    store
+        .first_samples_of(names::design(design), responses)
+        .await
 }
 
 /// Number of samples behind each response, by design. Samples that came before they were needed do

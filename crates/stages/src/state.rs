@@ -57,9 +57,9 @@ pub struct State {
     pub criteria: String,
     /// What the stored results were computed from, by [`store::DerivedResult::name`].
     pub derivations: BTreeMap<String, Derivation>,
-    /// The kriging models as JSON, once fitted: of the objective, and of the measures that constraints limit.
+    /// The kriging models as JSON, once fitted, in the order of [`fit_all`](crate::fitting::fit_all).
     pub models: Vec<Arc<str>>,
-    /// The variables of the DoE's best feasible design under these models.
+    /// The variables of the DoE's best feasible design under the first of them.
     pub best_of_doe: Option<Vec<f64>>,
     /// Finished optimiser runs.
     pub runs: BTreeSet<(Approach, u32)>,

@@ -11,7 +11,7 @@ use store::{ResponseRow, SampleBlock};
 
 use crate::linear::LinearResponse;
 use crate::plausibility::{Outlier, Plausibility, Summary};
-use crate::responses::{self, Controlled, Sufficiency};
+use crate::responses::{self, Sufficiency};
 
 /// The result of a [`Collector`].
 #[derive(Debug, Clone, PartialEq)]
@@ -72,7 +72,7 @@ impl<'a> Collector<'a> {
         // Samples beyond a hole wait until it is filled.
         if block.first_sample == self.samples.len() as u64 {
             let wanted = most.saturating_sub(self.samples.len());
-            self.samples.extend(&block.samples, wanted);
+            self.samples.extend(&block.samples.first(wanted));
         }
         Ok(())
     }
@@ -114,8 +114,7 @@ impl<'a> Collector<'a> {
         let is_external = self.problem.campaign().is_external();
         let is_refused = |row: &[f64]| is_external && self.problem.check_sample(row).is_err();
         let refused = samples.rows().position(is_refused);
-        let mut taken = Samples::none(samples.width());
-        taken.extend(samples, refused.unwrap_or(samples.len()));
+        let taken = samples.first(refused.unwrap_or(samples.len()));
         let sufficiency = (taken.len() >= first)
             .then(|| responses::sufficiency(&objective.values(&taken), settings))
             .transpose()?;
@@ -138,19 +137,15 @@ impl<'a> Collector<'a> {
             let values = responses::controls(self.problem, stream, linear, count);
             (values, linear.moments())
         });
-        for (number, measured) in (0..).zip(self.problem.measures()) {
-            let values = measured.values(&taken);
-            let control = control.as_ref().filter(|_| number == 0);
-            let samples = Controlled {
-                values: &values[..count],
-                control: control.map(|(values, known)| (&values[..], *known)),
-            };
-            let row = responses::response_of(design, samples, measured.sampling())?;
-            self.rows.push(ResponseRow { number, ..row });
-        }
+        let taken = taken.first(count);
+        let control = control
+            .as_ref()
+            .map(|(values, known)| (&values[..], *known));
+        let rows = responses::measures(self.problem, design, &taken, control)?;
+        self.rows.extend(rows);
         if is_external {
             for (response, summaries) in self.summaries.iter_mut().enumerate() {
-                let values: Vec<f64> = taken.rows().take(count).map(|row| row[response]).collect();
+                let values: Vec<f64> = taken.rows().map(|row| row[response]).collect();
                 summaries.extend(Summary::of(design, &values, first));
             }
         }

@@ -16,9 +16,7 @@ pub fn wanted(problem: &Problem, samples: &Samples) -> u32 {
     if samples.len() < first as usize {
         return first;
     }
-    let mut pilot = Samples::none(samples.width());
-    pilot.extend(samples, first as usize);
-    let pilot = problem.objective().verified(&pilot);
+    let pilot = problem.objective().verified(&samples.first(first as usize));
     pilot.map_or(first, |pilot| verify.wanted(&pilot))
 }
 
@@ -38,8 +36,8 @@ impl Verification {
         problem: &Problem,
         point: StreamId,
     ) -> Result<Self, store::Error> {
-        let held = store.first_samples_of(point).await?;
-        let samples = held.unwrap_or_else(|| Samples::none(problem.sampled().len()));
+        let samples = store.first_samples_of(point, problem.sampled().len());
+        let samples = samples.await?;
         Ok(Self {
             wanted: wanted(problem, &samples) as usize,
             samples,
@@ -89,7 +87,7 @@ impl Sizes {
         let wanted = known.unwrap_or_else(|| {
             let mut samples = Samples::none(problem.sampled().len());
             for block in &held {
-                samples.extend(&block.samples, usize::MAX);
+                samples.extend(&block.samples);
             }
             wanted(problem, &samples)
         });

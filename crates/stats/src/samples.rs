@@ -86,28 +86,37 @@ impl Samples {
         self.values.extend_from_slice(row);
     }
 
-    /// Adds the first samples of `other`, at most `most` of them.
+    /// Adds samples of the same responses.
     ///
     /// # Panics
     ///
     /// If they have another number of responses.
-    pub fn extend(&mut self, other: &Self, most: usize) {
-        for row in other.rows().take(most) {
-            self.push(row);
+    pub fn extend(&mut self, other: &Self) {
+        assert_eq!(other.width, self.width, "samples of the same responses");
+        self.values.extend_from_slice(&other.values);
+    }
+
+    /// The first samples, at most `most` of them.
+    #[must_use]
+    pub fn first(&self, most: usize) -> Self {
+        let count = most.min(self.len());
+        Self {
+            width: self.width,
+            values: self.values[..count * self.width].to_vec(),
         }
     }
 
     /// Number of samples that failed.
     #[must_use]
     pub fn failed(&self) -> usize {
-        self.rows().filter(|row| is_failed(row)).count()
+        self.rows().filter(|row| Self::is_failed(row)).count()
     }
-}
 
-/// Whether a row stands for a sample that failed.
-#[must_use]
-pub(crate) fn is_failed(row: &[f64]) -> bool {
-    row.iter().any(|value| value.is_infinite())
+    /// Whether a row stands for a sample that failed.
+    #[must_use]
+    pub fn is_failed(row: &[f64]) -> bool {
+        row.iter().any(|value| value.is_infinite())
+    }
 }
 
 /// Samples of one response.
@@ -135,9 +144,11 @@ mod tests {
         samples.push(&[5.0, 6.0]);
         assert_eq!(samples.get(2), Some(&[5.0, 6.0][..]));
         assert_eq!(samples.get(3), None);
-        let mut first = Samples::none(2);
-        first.extend(&samples, 1);
-        assert_eq!(first.values(), [1.0, 2.0]);
+        let mut twice = samples.first(1);
+        assert_eq!(twice.values(), [1.0, 2.0]);
+        twice.extend(&samples.first(1));
+        assert_eq!(twice.values(), [1.0, 2.0, 1.0, 2.0]);
+        assert_eq!(samples.first(4), samples);
         assert_eq!(Samples::new(2, vec![1.0]), None);
         assert_eq!(Samples::new(0, Vec::new()), None);
         assert_eq!(Samples::from(vec![7.0, 8.0]).len(), 2);

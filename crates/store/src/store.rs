@@ -182,19 +182,19 @@ impl Store {
         samples::of(&mut self.reader().await?, stream).await
     }
 
-    /// The samples of a design, an optimum or an infill point from the first on, up to the first that is missing;
-    /// `None` without any.
-    pub async fn first_samples_of(&self, stream: StreamId) -> Result<Option<Samples>, Error> {
-        let mut first: Option<Samples> = None;
+    /// The samples of a design, an optimum or an infill point from the first on, up to the first that is missing; each has
+    /// as many values as there are `responses`.
+    pub async fn first_samples_of(
+        &self,
+        stream: StreamId,
+        responses: usize,
+    ) -> Result<Samples, Error> {
+        let mut first = Samples::none(responses);
         for block in self.blocks_of(stream).await? {
-            let held = first.as_ref().map_or(0, Samples::len);
-            if block.first_sample != held as u64 {
+            if block.first_sample != first.len() as u64 {
                 break;
             }
-            match &mut first {
-                Some(first) => first.extend(&block.samples, usize::MAX),
-                None => first = Some(block.samples),
-            }
+            first.extend(&block.samples);
         }
         Ok(first)
     }

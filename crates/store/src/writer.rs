@@ -311,8 +311,8 @@ mod tests {
         writer.close().await.unwrap();
 
         let store = Store::create_or_open(&path, &campaign()).await.unwrap();
-        let stored = store.first_samples_of(ledger::StreamId::design(0)).await;
-        assert_eq!(stored.unwrap().unwrap().len(), 200);
+        let stored = store.first_samples_of(ledger::StreamId::design(0), 1).await;
+        assert_eq!(stored.unwrap().len(), 200);
     }
 
     #[tokio::test]

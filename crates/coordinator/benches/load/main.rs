@@ -45,7 +45,7 @@ use runner::gateway::client::ConnectArguments;
 use runner::gateway::port::{self, Listeners};
 use runner::gateway::{Link, Role};
 use runner::protocol::v1::{Kind, LeaseRequest};
-use runner::worker::{Exec, Options, Worker};
+use runner::worker::{Exec, Interface, Options, Worker};
 use store::{Batch, CampaignRow, CriteriaRow, DesignRow, SampleBlock, Store};
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -223,11 +223,9 @@ async fn work(arguments: &[String]) -> anyhow::Result<()> {
     let options = Options {
         slots: 1,
         exec: rest.first().map(|command| Exec {
-            command: command.clone(),
+            interface: Interface::Lines(command.clone()),
             timeout: Duration::from_secs(60),
-            files: None,
             environment: Vec::new(),
-            um_bridge: Vec::new(),
         }),
         host: format!("load:{}", std::process::id()),
         connect_timeout: Duration::from_secs(30),

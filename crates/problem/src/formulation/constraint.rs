@@ -123,6 +123,11 @@ impl Constraint {
         Self { scale, ..self }
     }
 
+    /// The excess in multiples of the scale; 0 if there is none.
+    pub(super) const fn violation(&self) -> f64 {
+        self.excess.max(0.0) / self.scale
+    }
+
     /// Whether the constraint holds; false if the value is NaN.
     #[must_use]
     pub fn holds(&self) -> bool {

@@ -120,7 +120,7 @@ impl Measured {
         let of = |places: &[usize], start: f64, pick: fn(f64, f64) -> f64| {
             places.iter().map(|place| row[*place]).fold(start, pick)
         };
-        if row.iter().any(|value| value.is_infinite()) {
+        if Samples::is_failed(row) {
             return self.stated.failed_sample();
         }
         match &self.combined {

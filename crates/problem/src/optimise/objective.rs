@@ -158,7 +158,7 @@ fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Samples, NoAnswe
 pub(super) struct Objective {
     approach: Approach,
     base: Design,
-    /// In the order of the problem's measures.
+    /// In the order of [`Run::models`].
     models: Vec<kriging::Surrogate>,
 }
 

@@ -7,12 +7,12 @@
 
 use std::collections::BTreeMap;
 
-use problem::formulation::{Measured, Problem};
+use problem::formulation::Problem;
 use stages::cost::Cost;
 use stages::doe::Doe;
-use stages::responses::{Controlled, response_of};
+use stages::responses::measures;
 use stages::{choosing, names, optima};
-use stats::{Samples, Verified};
+use stats::Verified;
 use store::{Progress, ResponseRow, Store};
 
 use crate::live::views::{BestOfDoe, Point};
@@ -76,19 +76,12 @@ impl Designs {
             .into_iter();
         let at_once = (SAMPLES_AT_ONCE / wanted.max(1)).clamp(1, DESIGNS_AT_ONCE);
         for design in waiting.by_ref().take(at_once) {
-            let mut first = Samples::none(problem.sampled().len());
-            if let Some(held) = store.first_samples_of(names::design(design)).await? {
-                first.extend(&held, wanted);
-            }
-            let row = |(number, measured): (u64, &Measured)| {
-                let values = measured.values(&first);
-                let plain = Controlled::plain(&values);
-                let row = response_of(design, plain, measured.sampling()).ok()?;
-                Some(ResponseRow { number, ..row })
-            };
-            let rows = (0..).zip(problem.measures()).map_while(row);
-            let rows = rows.filter(|_| first.len() == wanted).collect();
-            self.preliminary.insert(design, rows);
+            let held = store.first_samples_of(names::design(design), problem.sampled().len());
+            let first = held.await?.first(wanted);
+            let rows =
+                (first.len() == wanted).then(|| measures(problem, design, &first, None).ok());
+            self.preliminary
+                .insert(design, rows.flatten().unwrap_or_default());
         }
         self.is_behind = waiting.len() > 0;
         Ok(())

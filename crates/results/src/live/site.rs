@@ -391,9 +391,8 @@ impl Site {
         let rows = self.store.rounds().await?;
         let infill = self.store.infill().await?;
         let point = names::verification(Approach::EnrichedKriging);
-        let verified = self.store.first_samples_of(point).await?;
-        let verified = verified.map(|samples| problem.objective().values(&samples));
-        let verified = verified.unwrap_or_default();
+        let samples = self.store.first_samples_of(point, problem.sampled().len());
+        let verified = problem.objective().values(&samples.await?);
         let enrichment = report::rounds(problem, &rows, &infill, &verified)?;
         let measure = problem.measured().name.to_string();
         in_background(move || views::rounds(enrichment.as_ref(), &measure)).await

@@ -39,7 +39,6 @@ use crate::worker::error::Error;
 use design::ExternalDesign;
 pub(crate) use fault::Ability;
 use fault::{Fault, PAUSES, patiently};
-pub use files::FileMode;
 use files::Kept;
 use messages::{Answer, Content, Description, Numbers};
 use program::Program;
@@ -82,12 +81,14 @@ impl SimulatorArguments {
     #[must_use]
     pub fn exec(&self) -> Option<Exec> {
         let files = self.template.clone().zip(self.result.clone());
-        let servers = (!self.um_bridge.is_empty()).then(|| self.um_bridge.join(" "));
-        self.exec.clone().or(servers).map(|command| Exec {
-            command,
-            um_bridge: self.um_bridge.clone(),
+        let interface = match &self.exec {
+            Some(command) => Interface::of_command(command, files),
+            None if self.um_bridge.is_empty() => return None,
+            None => Interface::UmBridge(self.um_bridge.clone()),
+        };
+        Some(Exec {
+            interface,
             timeout: self.exec_timeout.unwrap_or(TIMEOUT),
-            files: files.map(|(template, result)| FileMode { template, result }),
             environment: Vec::new(),
         })
     }
@@ -95,19 +96,15 @@ impl SimulatorArguments {
     /// The external simulator of the arguments, or else of the campaign, whose file lies in `folder`.
     #[must_use]
     pub fn exec_or(&self, section: &SimulatorSection, folder: &Path) -> Option<Exec> {
-        let servers = section.um_bridge.as_ref().map(|model| &model.servers);
-        let command = section.command.clone();
-        let of_file = command.or(servers.map(|servers| servers.join(" ")));
-        let of_file = of_file.map(|command| Exec {
-            command,
-            um_bridge: servers.cloned().unwrap_or_default(),
+        let files = section.template.as_ref().zip(section.result.as_ref());
+        let files = files.map(|(template, result)| (folder.join(template), result.into()));
+        let of_command = section.command.as_ref();
+        let of_command = of_command.map(|command| Interface::of_command(command, files));
+        let of_servers = section.um_bridge.as_ref();
+        let of_servers = of_servers.map(|model| Interface::UmBridge(model.servers.clone()));
+        let of_file = of_command.or(of_servers).map(|interface| Exec {
+            interface,
             timeout: TIMEOUT,
-            files: section.template.as_ref().zip(section.result.as_ref()).map(
-                |(template, result)| FileMode {
-                    template: folder.join(template),
-                    result: result.into(),
-                },
-            ),
             environment: Vec::new(),
         });
         let stated = section.timeout_s.map(Duration::from_secs_f64);
@@ -133,17 +130,47 @@ fn seconds(text: &str) -> Result<Duration, String> {
     }
 }
 
-/// The command of an external simulator.
+/// How an external simulator is called.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Interface {
+    /// A command for `sh -c` that answers lines.
+    Lines(String),
+    /// A command for `sh -c` that is run for each request.
+    Files {
+        /// The command.
+        command: String,
+        /// The template of its input file, with `{name}` for each variable and random input, and `{seed}` without random
+        /// inputs.
+        template: PathBuf,
+        /// The name of its result file.
+        result: PathBuf,
+    },
+    /// The addresses of UM-Bridge servers that are alike.
+    UmBridge(Vec<String>),
+}
+
+impl Interface {
+    /// The interface of a command, through a template and a result file if there are any.
+    fn of_command(command: &str, files: Option<(PathBuf, PathBuf)>) -> Self {
+        let command = command.to_owned();
+        match files {
+            None => Self::Lines(command),
+            Some((template, result)) => Self::Files {
+                command,
+                template,
+                result,
+            },
+        }
+    }
+}
+
+/// The external simulator of a worker.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Exec {
-    /// The command for `sh -c`, or the addresses of servers.
-    pub command: String,
-    /// The addresses of UM-Bridge servers that are alike; empty for a command.
-    pub um_bridge: Vec<String>,
+    /// How it is called.
+    pub interface: Interface,
     /// Time limit of an answer.
     pub timeout: Duration,
-    /// The files of a program that is called through files; none for one that answers lines.
-    pub files: Option<FileMode>,
     /// Variables of its environment, besides those of this program.
     pub environment: Vec<(String, String)>,
 }
@@ -204,7 +231,7 @@ impl Backend {
             (SimulatorKind::External, None) => Err(Error::WrongSimulator {
                 reason: format!(
                     "campaign {name} is simulated by an external program: start this worker with \
-                     --exec 'CMD'"
+                     --exec 'CMD' or --um-bridge URL"
                 ),
             }),
             (SimulatorKind::BuiltIn, Some(_)) => Err(Error::WrongSimulator {
@@ -372,7 +399,7 @@ impl Session<'_> {
                 )));
             }
         };
-        if self.programs.exec.files.is_none() {
+        if !matches!(self.programs.exec.interface, Interface::Files { .. }) {
             self.programs.has_answered.store(true, Ordering::Relaxed);
         }
         let first = self

@@ -20,7 +20,7 @@ mod work;
 
 pub use demand::LeaseDemand;
 pub use error::Error;
-pub use exec::{Exec, FileMode, SimulatorArguments, Trial, trial};
+pub use exec::{Exec, Interface, SimulatorArguments, Trial, trial};
 pub use work::{Options, Summary, Worker};
 
 /// The name of this machine, with which the name of a worker's host begins, before a colon.

@@ -413,8 +413,8 @@ async fn samples_of_an_optimum_that_was_replaced_are_not_stored_for_the_new_one(
     assert_eq!(units[0].0.samples, 0..8, "nothing of it is there");
     let expected = bench.answer(&new);
     bench.report("new", expected.clone()).await;
-    let stored = bench.store.first_samples_of(stream).await.unwrap();
-    assert_eq!(stored.unwrap().values(), expected.results[0].samples);
+    let stored = bench.store.first_samples_of(stream, 1).await.unwrap();
+    assert_eq!(stored.values(), expected.results[0].samples);
 }
 
 #[tokio::test]

@@ -21,7 +21,7 @@ use runner::coordinator::service::Service;
 use runner::cpu::thread_seconds;
 use runner::exit::{self, ProgramError};
 use runner::gateway::port::{self, Listeners};
-use runner::worker::Exec;
+use runner::worker::{Exec, Interface};
 use serde_json::{Value, json};
 use stats::streams::{Purpose, stream};
 use store::{CampaignRow, DesignRow, Store};
@@ -158,11 +158,9 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<RunnerTi
             let program = std::env::current_exe()?;
             let command = format!("exec '{}' sleep-program {seconds}", program.display());
             let exec = Exec {
-                command,
+                interface: Interface::Lines(command),
                 timeout: Duration::from_secs(60),
-                files: None,
                 environment: Vec::new(),
-                um_bridge: Vec::new(),
             };
             (
                 Campaign::parse("the sleeping campaign", SLEEPING)?,

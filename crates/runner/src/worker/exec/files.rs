@@ -11,13 +11,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use std::{fs, io};
 
-use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::Exec;
 use super::fault::Fault;
-use super::messages::{Numbers, PROTOCOL, number};
+use super::messages::{Numbers, PROTOCOL, Request, number};
 use super::object::Object;
 use super::output::Line;
 use super::process::Process;
@@ -28,16 +26,6 @@ const SEED: &str = "seed";
 const KEPT: usize = 20;
 /// Size of the file that shows whether a disk has space, in bytes.
 const SPACE: usize = 1 << 16;
-
-/// The files of a program that is called through files.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FileMode {
-    /// The template of the input file, with `{name}` for each variable and random input, and `{seed}` without random
-    /// inputs.
-    pub template: PathBuf,
-    /// The name of the result file.
-    pub result: PathBuf,
-}
 
 /// A program that is run for each request.
 #[derive(Debug)]
@@ -71,32 +59,6 @@ impl Kept {
     }
 }
 
-/// A request of [`messages`](super::messages).
-#[derive(Deserialize)]
-#[serde(tag = "request", rename_all = "kebab-case")]
-enum Request {
-    Describe {
-        variables: Vec<String>,
-        sampled: Vec<String>,
-        /// The names of the random inputs, whose values a sample gets instead of a seed.
-        #[serde(default)]
-        random: Vec<String>,
-    },
-    Evaluate {
-        design: Numbers,
-        responses: Vec<String>,
-        #[serde(default)]
-        random: Numbers,
-    },
-    Sample {
-        design: Numbers,
-        #[serde(default)]
-        seed: [u32; 4],
-        #[serde(default)]
-        random: Numbers,
-    },
-}
-
 /// The content of a result file.
 #[derive(Debug, PartialEq)]
 enum Results {
@@ -106,14 +68,14 @@ enum Results {
 }
 
 impl Files {
-    /// Creates a program that runs the command of `exec`.
+    /// Creates a program that runs this command in this environment, with a template of its input file.
     pub(super) fn new(
-        exec: &Exec,
-        files: &FileMode,
+        (command, environment): (&str, &[(String, String)]),
+        path: &Path,
+        result: &Path,
         stop: Arc<AtomicBool>,
         kept: &Arc<Kept>,
     ) -> Result<Self, Fault> {
-        let path = &files.template;
         let cannot = |why: &dyn std::fmt::Display| {
             Fault::Machine(format!(
                 "template {}: {why}; give --template a file that this machine can read",
@@ -123,10 +85,10 @@ impl Files {
         let text = fs::read_to_string(path).map_err(|error| cannot(&error))?;
         let name = path.file_name().ok_or_else(|| cannot(&"has no name"))?;
         Ok(Self {
-            command: exec.command.clone(),
-            environment: exec.environment.clone(),
+            command: command.to_owned(),
+            environment: environment.to_vec(),
             template: (text, name.to_owned()),
-            result: files.result.clone(),
+            result: result.to_owned(),
             sampled: Vec::new(),
             stop,
             kept: Arc::clone(kept),
@@ -143,12 +105,12 @@ impl Files {
         request: Map<String, Value>,
         timeout: Duration,
     ) -> Result<Map<String, Value>, Fault> {
-        let request = serde_json::from_value(Value::Object(request));
-        match request.map_err(|error| Fault::Program(error.to_string()))? {
+        match Request::read(request)? {
             Request::Describe {
                 variables,
                 sampled,
                 random,
+                ..
             } => {
                 self.sampled = sampled;
                 self.describe(&variables, &random).map_err(Fault::Program)

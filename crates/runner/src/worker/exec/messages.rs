@@ -7,6 +7,7 @@ use problem::formulation::Problem;
 use serde::Deserialize;
 use serde_json::{Deserializer, Map, Value, json};
 
+use super::fault::Fault;
 use super::object::Object;
 use super::output::Line;
 
@@ -85,6 +86,40 @@ pub(super) fn number(value: &Value) -> Option<f64> {
         Value::Null => Some(f64::NAN),
         Value::String(text) => text.parse().ok().filter(|number: &f64| !number.is_finite()),
         value => value.as_f64(),
+    }
+}
+
+/// A request, as read for a simulator that does not read lines itself.
+#[derive(Deserialize)]
+#[serde(tag = "request", rename_all = "kebab-case")]
+pub(super) enum Request {
+    Describe {
+        variables: Vec<String>,
+        responses: Vec<String>,
+        sampled: Vec<String>,
+        /// The names of the random inputs, whose values a sample gets instead of a seed.
+        #[serde(default)]
+        random: Vec<String>,
+    },
+    Evaluate {
+        design: Numbers,
+        responses: Vec<String>,
+        #[serde(default)]
+        random: Numbers,
+    },
+    Sample {
+        design: Numbers,
+        #[serde(default)]
+        seed: [u32; 4],
+        #[serde(default)]
+        random: Numbers,
+    },
+}
+
+impl Request {
+    pub(super) fn read(request: Map<String, Value>) -> Result<Self, Fault> {
+        serde_json::from_value(Value::Object(request))
+            .map_err(|error| Fault::Program(error.to_string()))
     }
 }
 

@@ -7,12 +7,12 @@ use std::time::Duration;
 use problem::file::SimulatorSection;
 use serde_json::{Map, Value};
 
-use super::Exec;
 use super::fault::Fault;
 use super::files::{Files, Kept};
 use super::messages;
 use super::process::Process;
 use super::um_bridge::UmBridge;
+use super::{Exec, Interface};
 
 /// A simulator that accepts requests.
 #[derive(Debug)]
@@ -37,8 +37,7 @@ enum Kind {
 
 impl Program {
     /// Starts the program of `exec` for a campaign with this section; of several servers it uses the one with this number.
-    /// Once `stop` is set, the program is ended instead of waited
-    /// for. `kept` are the folders of failed runs.
+    /// Once `stop` is set, the program is ended instead of waited for. `kept` are the folders of failed runs.
     ///
     /// # Errors
     ///
@@ -49,13 +48,21 @@ impl Program {
         stop: Arc<AtomicBool>,
         kept: &Arc<Kept>,
     ) -> Result<Self, Fault> {
-        let kind = match &exec.files {
-            _ if !exec.um_bridge.is_empty() => {
-                let server = &exec.um_bridge[number % exec.um_bridge.len()];
+        let environment = &exec.environment;
+        let kind = match &exec.interface {
+            Interface::Lines(command) => Kind::Lines(Process::start(command, environment, stop)?),
+            Interface::Files {
+                command,
+                template,
+                result,
+            } => {
+                let command = (&**command, &**environment);
+                Kind::Files(Files::new(command, template, result, stop, kept)?)
+            }
+            Interface::UmBridge(servers) => {
+                let server = &servers[number % servers.len()];
                 Kind::UmBridge(Box::new(UmBridge::new(server, section, stop)))
             }
-            None => Kind::Lines(Process::start(&exec.command, &exec.environment, stop)?),
-            Some(files) => Kind::Files(Files::new(exec, files, stop, kept)?),
         };
         Ok(Self {
             kind,

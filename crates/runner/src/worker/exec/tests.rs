@@ -46,11 +46,9 @@ fn problem() -> Problem {
 
 fn backend_of(command: String, timeout: Duration) -> Backend {
     let exec = Exec {
-        command,
+        interface: Interface::Lines(command),
         timeout,
-        files: None,
         environment: Vec::new(),
-        um_bridge: Vec::new(),
     };
     chosen(&problem(), &exec)
 }
@@ -425,11 +423,9 @@ fn a_failing_program_fails_the_optimiser_too() {
 fn a_simulator_that_the_campaign_does_not_want_is_refused() {
     let built_in = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
     let exec = Exec {
-        command: "true".to_owned(),
+        interface: Interface::Lines("true".to_owned()),
         timeout: Duration::from_secs(1),
-        files: None,
         environment: Vec::new(),
-        um_bridge: Vec::new(),
     };
     let unwanted = Backend::choose(&built_in, Some(&exec), watch::Sender::default()).unwrap_err();
     assert!(

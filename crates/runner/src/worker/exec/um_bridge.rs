@@ -10,11 +10,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use serde::Deserialize;
 use serde_json::{Map, Value, json};
 
 use super::fault::Fault;
-use super::messages::{Numbers, PROTOCOL, with_quoted_numbers};
+use super::messages::{Numbers, PROTOCOL, Request, with_quoted_numbers};
 use problem::file::SimulatorSection;
 
 /// Interval at which a request in progress looks whether it is to be left.
@@ -34,30 +33,6 @@ pub(super) struct UmBridge {
     sampled: usize,
     agent: ureq::Agent,
     stop: Arc<AtomicBool>,
-}
-
-/// A request of [`messages`](super::messages).
-#[derive(Deserialize)]
-#[serde(tag = "request", rename_all = "kebab-case")]
-enum Request {
-    Describe {
-        variables: Vec<String>,
-        responses: Vec<String>,
-        sampled: Vec<String>,
-        #[serde(default)]
-        random: Vec<String>,
-    },
-    Evaluate {
-        design: Numbers,
-        responses: Vec<String>,
-        #[serde(default)]
-        random: Numbers,
-    },
-    Sample {
-        design: Numbers,
-        #[serde(default)]
-        random: Numbers,
-    },
 }
 
 impl UmBridge {
@@ -84,8 +59,7 @@ impl UmBridge {
         request: Map<String, Value>,
         timeout: Duration,
     ) -> Result<Map<String, Value>, Fault> {
-        let request = serde_json::from_value(Value::Object(request));
-        match request.map_err(|error| Fault::Program(error.to_string()))? {
+        match Request::read(request)? {
             Request::Describe {
                 variables,
                 responses,
@@ -109,7 +83,7 @@ impl UmBridge {
                 responses,
                 random,
             } => self.evaluate(&[design, random], &responses, timeout),
-            Request::Sample { design, random } => {
+            Request::Sample { design, random, .. } => {
                 let sampled = &self.outputs[..self.sampled];
                 self.evaluate(&[design, random], sampled, timeout)
             }

@@ -20,14 +20,13 @@ fn of_campaign(text: &str, template: &str, command: &str) -> (Problem, Backend, 
     std::fs::write(&path, template).unwrap();
     let problem = Problem::new(Campaign::parse("i.toml", text).unwrap());
     let exec = Exec {
-        command: command.to_owned(),
-        timeout: Duration::from_secs(10),
-        files: Some(FileMode {
+        interface: Interface::Files {
+            command: command.to_owned(),
             template: path,
             result: "out.txt".into(),
-        }),
+        },
+        timeout: Duration::from_secs(10),
         environment: Vec::new(),
-        um_bridge: Vec::new(),
     };
     let backend = chosen(&problem, &exec);
     (problem, backend, folder)

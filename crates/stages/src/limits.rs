@@ -1,0 +1,93 @@
+//! The limits of measures of samples in a round of infill, which models of these measures tell.
+
+use kriging::Model;
+use problem::formulation::Problem;
+
+use crate::constraints::fitted;
+use crate::doe;
+
+/// Models of the measures that constraints limit, in their order.
+pub(crate) struct LimitedModels {
+    /// `None` for a measure that cannot be modelled.
+    models: Vec<Option<Model>>,
+}
+
+/// How an infill point is chosen among designs that may break a limit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Caution {
+    /// Its value is multiplied by the probability that it keeps all limits, so that points lie about the limits and the
+    /// models become better there (M. Schonlau, *Computer Experiments and Global Optimization*, thesis, University of
+    /// Waterloo, 1997).
+    Probable,
+    /// It keeps all limits with the probability that a recommended design needs.
+    Safe,
+}
+
+impl Caution {
+    /// Rounds alternate: the models are improved, and then the design is observed that they make possible.
+    pub(crate) fn of_round(round: usize) -> Self {
+        if round.is_multiple_of(2) {
+            Self::Probable
+        } else {
+            Self::Safe
+        }
+    }
+}
+
+impl LimitedModels {
+    /// Fits a model to each measure from its estimates, with their variances, at the designs `x`.
+    pub(crate) fn fit<'a>(
+        problem: &Problem,
+        estimated: impl Iterator<Item = (&'a [f64], &'a [(f64, f64)])> + Clone,
+    ) -> Self {
+        let fit = |number: usize| {
+            let (mut x, mut y, mut noise) = (Vec::new(), Vec::new(), Vec::new());
+            for (of, estimates) in estimated.clone() {
+                if let Some((value, variance)) = estimates.get(number)
+                    && value.is_finite()
+                {
+                    x.extend_from_slice(of);
+                    y.push(*value);
+                    noise.push(*variance);
+                }
+            }
+            fitted(problem, &x, &y, &noise)
+        };
+        Self {
+            models: (0..problem.limited().len()).map(fit).collect(),
+        }
+    }
+
+    /// The values by which the constraints are judged at a sampled design. A measure without a model, or that is infinite
+    /// because samples failed, is judged by its own estimate.
+    pub(crate) fn bounds(
+        &self,
+        problem: &Problem,
+        x: &[f64],
+        estimates: &[(f64, f64)],
+    ) -> Vec<f64> {
+        let of = self.models.iter().zip(estimates).map(|(model, own)| {
+            let model = model.as_ref().filter(|_| own.0.is_finite());
+            let predicted = model.map(|model| model.predict(x));
+            predicted.map_or(*own, |predicted| (predicted.mean, predicted.variance))
+        });
+        doe::bounds(problem, &of.collect::<Vec<_>>())
+    }
+
+    /// The factor of a new point's value. Measures without a model are not counted.
+    pub(crate) fn factor(&self, problem: &Problem, x: &[f64], caution: Caution) -> f64 {
+        let limited = problem.limited().iter().zip(&self.models);
+        let each = limited.filter_map(|(measured, model)| {
+            let predicted = model.as_ref()?.predict(x);
+            match caution {
+                Caution::Probable => measured.probability(predicted.mean, predicted.variance),
+                Caution::Safe => {
+                    let bound = measured.bound(predicted.mean, predicted.variance);
+                    // No variance is left beside the bound.
+                    measured.probability(bound, 0.0)
+                }
+            }
+        });
+        each.product()
+    }
+}
