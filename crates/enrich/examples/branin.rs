@@ -160,7 +160,7 @@ fn main() {
     let seeds = value("--seeds").unwrap_or_else(|| "1..=10".to_owned());
     let (first, last) = seeds.split_once("..=").unwrap_or((&seeds, &seeds));
     let number = |text: &str| -> u64 { text.parse().expect("--seeds takes FIRST..=LAST") };
-    let criterion = value("--criterion").map_or(Criterion::ExpectedQuantileImprovement, |name| {
+    let criterion = value("--criterion").map_or(Criterion::default(), |name| {
         let mut all = Criterion::ALL.into_iter();
         all.find(|c| c.to_string() == name)
             .expect("--criterion takes the name of one")

@@ -1,6 +1,6 @@
 //! The kriging models that a round is decided with.
 
-use kriging::{Data, FitOptions, Model};
+use kriging::{Conditional, Data, FitOptions, Model};
 
 use crate::Options;
 use crate::belief::Belief;
@@ -30,39 +30,38 @@ pub(crate) struct Surrogate {
 }
 
 impl Surrogate {
-    /// Fits one model to the `which` rows, or two if there are baselines: of the response minus its
-    /// baseline and of the response itself. The model with the smaller leave-one-out residuals comes
-    /// first.
+    /// Fits a model on every scale that the `which` rows allow; the one that predicts left-out responses best comes first.
     ///
-    /// A baseline explains much of the response, but it may have kinks that the response, a mean over
-    /// random wear, does not have. The difference then has the same kinks upside down, so the two models
-    /// err in different places.
+    /// No scale serves every response. The logarithm of a response that spans decades is smooth, but that of a bowl
+    /// above a small value has a cusp at its foot. A baseline explains much of the response, but it may have kinks
+    /// that the response, a mean over random wear, does not have, and the difference has them upside down. Models on
+    /// different scales err in different places, so all of them choose infill points.
     pub(crate) fn fit(
         rows: &Rows,
         which: &[usize],
         options: &Options,
     ) -> Result<Vec<Self>, kriging::Error> {
         let sampled = || which.iter().map(|&i| &rows.sampled[i]);
-        let itself = if options.logarithm && sampled().all(|s| s.response > 0.0) {
-            Scale::Logarithm
-        } else {
-            Scale::Plain
-        };
-        let alone = Self::fit_on(itself, rows, which, options);
-        if sampled().all(|s| s.baseline == 0.0) {
-            return Ok(vec![alone?]);
+        let mut scales = vec![Scale::Plain];
+        if options.logarithm && sampled().all(|s| s.response > 0.0) {
+            scales.push(Scale::Logarithm);
         }
-        let above = Self::fit_on(Scale::AboveBaseline, rows, which, options);
-        let (above, alone) = match (above, alone) {
-            (Ok(above), Ok(alone)) => (above, alone),
-            (above, alone) => return Ok(vec![above.or(alone)?]),
-        };
-        let error = |model: &Self| model.error_at(rows, which);
-        Ok(if error(&alone) < error(&above) {
-            vec![alone, above]
-        } else {
-            vec![above, alone]
-        })
+        if sampled().any(|s| s.baseline != 0.0) {
+            scales.push(Scale::AboveBaseline);
+        }
+        let mut models = Vec::new();
+        let mut refused = None;
+        for scale in scales {
+            match Self::fit_on(scale, rows, which, options) {
+                Ok(model) => models.push((model.log_density(rows), model)),
+                Err(error) => refused = Some(error),
+            }
+        }
+        models.sort_by(|a, b| b.0.total_cmp(&a.0));
+        match (models.is_empty(), refused) {
+            (true, Some(error)) => Err(error),
+            _ => Ok(models.into_iter().map(|(_, model)| model).collect()),
+        }
     }
 
     /// Whether the logarithm of the response is modelled.
@@ -156,7 +155,7 @@ impl Surrogate {
     }
 
     /// The constant between the modelled mean and the response's.
-    fn shift(&self, baseline: f64) -> f64 {
+    pub(crate) fn shift(&self, baseline: f64) -> f64 {
         match self.scale {
             Scale::AboveBaseline => baseline,
             Scale::Plain | Scale::Logarithm => 0.0,
@@ -193,19 +192,20 @@ impl Surrogate {
         self.observed(x, self.mean(x), samples)
     }
 
-    /// The changes of the means at `points` if the observation at `x` from `samples` samples comes out
-    /// one standard deviation √(s² + τ²) above its prediction: cov(point, x)/√(s² + τ²).
-    pub(crate) fn mean_changes(
-        &self,
-        x: &[f64],
-        samples: u32,
-        points: &[&[f64]],
-    ) -> Result<Vec<f64>, kriging::Error> {
-        let prediction = self.model.predict(x);
-        let deviation = (prediction.variance.max(0.0) + self.noise(samples)).sqrt();
-        let after = self.observed(x, prediction.mean + deviation, samples)?;
-        let change = |p: &&[f64]| after.mean(p) - self.mean(p);
-        Ok(points.iter().map(change).collect())
+    /// The change of the mean at `of` if the observation at `x` from `samples` samples comes out one standard deviation
+    /// √(s² + τ²) above its prediction: cov(of, x)/√(s² + τ²). 0 where the observation has no scatter at all.
+    pub(crate) fn mean_change(&self, of: &Conditional, x: &Conditional, samples: u32) -> f64 {
+        let total = x.prediction.variance.max(0.0) + self.noise(samples);
+        if total > 0.0 {
+            self.model.covariance(of, x) / total.sqrt()
+        } else {
+            0.0
+        }
+    }
+
+    /// The modelled function at `x`.
+    pub(crate) fn conditional(&self, x: &[f64]) -> Conditional {
+        self.model.conditional(x)
     }
 
     /// The model with an observation `y` at `x` from `samples` samples.
@@ -224,6 +224,27 @@ impl Surrogate {
             model: self.model.reinterpolated()?,
             ..self.clone()
         })
+    }
+
+    /// The logarithm of the density with which the model predicts each response from the others, in the mean.
+    fn log_density(&self, rows: &Rows) -> f64 {
+        let left_out = self.model.leave_one_out();
+        let mut sum = 0.0;
+        for ((&row, r), z) in self
+            .rows
+            .iter()
+            .zip(&left_out.residuals)
+            .zip(&left_out.standardised)
+        {
+            let sd = if *z == 0.0 { 0.0 } else { r / z };
+            if sd > 0.0 {
+                sum -= sd.ln() + 0.5 * z * z;
+            }
+            if self.is_logarithm() {
+                sum -= rows.sampled[row].response.ln();
+            }
+        }
+        sum / self.rows.len() as f64
     }
 
     /// Root mean square of the leave-one-out residuals at the given rows.
@@ -287,7 +308,8 @@ mod tests {
         let (variance, noise) = (surrogate.belief(&x, 0.0).sd.powi(2), surrogate.noise(5));
         let total = variance + noise;
         let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-6, "{a} {b}");
-        let change = surrogate.mean_changes(&x, 5, &[&x]).unwrap()[0];
+        let at = surrogate.conditional(&x);
+        let change = surrogate.mean_change(&at, &at, 5);
         close(change, variance / total.sqrt());
         let after = surrogate.kriging_believer(&x, 5).unwrap().belief(&x, 0.0);
         close(after.sd.powi(2), variance * noise / total);

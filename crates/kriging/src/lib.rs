@@ -49,7 +49,7 @@ pub use kernel::Kernel;
 pub use likelihood::gls::Trend;
 pub use likelihood::prior::Estimator;
 pub use model::loo::LeaveOneOut;
-pub use model::predict::Prediction;
+pub use model::predict::{Conditional, Prediction};
 pub use model::{Model, Parameters};
 pub use noise::{Noise, smoothed_noise};
 pub use surrogate::{Method, Response, Settings, Surrogate};

@@ -9,6 +9,7 @@ use problem::Campaign;
 use problem::formulation::Problem;
 use stages::cost::{infill_calls, sampling_calls};
 use stages::fitting::{ModelSummary, latest_model};
+use stages::stage::Stage;
 use stats::Samples;
 use store::{
     CampaignRow, CriteriaRow, DesignRow, FailureRow, InfillRow, OptimiserRunRow, ResponseRow,
@@ -131,15 +132,25 @@ impl Snapshot {
     /// Calls of the simulator in the whole campaign.
     #[must_use]
     pub fn simulator_calls(&self) -> u64 {
-        let sampling = sampling_calls(&self.criteria, self.samples);
-        // An approach that rests on the DoE counts its calls as its own; here they count once.
-        let optimising: u64 = self.runs.iter().map(|run| run.simulator_calls).sum();
-        let verified = self.optima.iter().filter_map(VerifiedOptimum::samples);
-        let verified = verified.map(Samples::len);
-        let printed = self.printed.values().map(Vec::len);
-        let verifying: usize = verified.chain(printed).sum();
-        let enriching = infill_calls(&self.problem, &self.rounds, &self.infill);
-        sampling + optimising + enriching + verifying as u64
+        Stage::WORK.into_iter().map(|stage| self.calls(stage)).sum()
+    }
+
+    /// Calls of the simulator in a stage.
+    #[must_use]
+    pub fn calls(&self, stage: Stage) -> u64 {
+        match stage {
+            Stage::Sample => sampling_calls(&self.criteria, self.samples),
+            // An approach that rests on the DoE counts its calls as its own; here they count once.
+            Stage::Optimise => self.runs.iter().map(|run| run.simulator_calls).sum(),
+            Stage::Enrich => infill_calls(&self.problem, &self.rounds, &self.infill),
+            Stage::Verify => {
+                let verified = self.optima.iter().filter_map(VerifiedOptimum::samples);
+                let printed = self.printed.values().map(Vec::len);
+                let samples: usize = verified.map(Samples::len).chain(printed).sum();
+                samples as u64
+            }
+            Stage::Doe | Stage::Fit | Stage::Done => 0,
+        }
     }
 }
 

@@ -155,7 +155,7 @@ pub fn options(
     samples_left: u32,
 ) -> Result<Options, cmaes::Error> {
     let ranges = problem.free_ranges().map(|[low, high]| (low, high));
-    let bounds = Bounds::new(ranges.collect::<Vec<_>>())?;
+    let standard = Options::new(Bounds::new(ranges.collect::<Vec<_>>())?);
     Ok(Options {
         values: problem
             .coordinates()
@@ -172,13 +172,12 @@ pub fn options(
         samples_left,
         rounds: section.rounds as usize,
         delta_um: section.tolerance,
-        // The following settings were chosen on the problem of campaigns/wear.toml, over ten seeds.
-        quantile_z: 0.84,
-        global_every: 6,
-        basins: 3,
-        local_points: 15 * problem.dimension(),
-        search_evaluations: 400,
-        ..Options::new(bounds)
+        search_evaluations: match problem.gears() {
+            // Each of them analyses a pair.
+            Some(_) => 400,
+            None => standard.search_evaluations,
+        },
+        ..standard
     })
 }
 

@@ -308,12 +308,9 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         noise: problem.campaign().kriging.noise,
         batch: 24,
         delta_um: 0.003,
-        basins: 3,
         samples_left: left,
-        global_every: 6,
+        // Each of them analyses a pair.
         search_evaluations: 400,
-        local_points: 90,
-        quantile_z: 0.84,
         samples_new: SAMPLES,
         samples_more: SAMPLES,
         ..Options::new(bounds.clone())
@@ -494,7 +491,7 @@ fn main() {
     let criterion = Criterion::ALL
         .into_iter()
         .find(|c| named.as_ref() == Some(&c.to_string()))
-        .unwrap_or(Criterion::ExpectedQuantileImprovement);
+        .unwrap_or_default();
     let trace = arguments.iter().any(|a| a == "--trace");
 
     let file = value("--campaign").unwrap_or_else(|| "campaigns/paper.toml".to_owned());

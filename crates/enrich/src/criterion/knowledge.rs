@@ -1,5 +1,7 @@
 //! Knowledge gradient.
 
+use kriging::Conditional;
+
 use super::InfillCriterion;
 use crate::Options;
 use crate::belief::{cdf, pdf};
@@ -12,12 +14,20 @@ const COMPARED: usize = 20;
 /// [`Criterion::KnowledgeGradient`](crate::Criterion::KnowledgeGradient).
 ///
 /// More samples are considered at the compared designs only: at the others they seldom change which
-/// mean is lowest, and each costs a factorisation.
+/// mean is lowest.
 pub(super) struct KnowledgeGradient<'a> {
     model: &'a Surrogate,
     options: &'a Options,
-    /// The incumbents with the lowest means, in rising order, and these means on the modelled scale.
-    compared: Vec<(Vec<f64>, f64)>,
+    /// The incumbents with the lowest means, in rising order.
+    compared: Vec<Compared>,
+}
+
+/// A design whose mean is compared.
+struct Compared {
+    x: Vec<f64>,
+    /// The mean on the modelled scale.
+    mean: f64,
+    conditional: Conditional,
 }
 
 impl<'a> KnowledgeGradient<'a> {
@@ -27,36 +37,31 @@ impl<'a> KnowledgeGradient<'a> {
         options: &'a Options,
     ) -> Self {
         let mean = |row: &&SampledDesign| model.mean_above(&row.x, row.baseline);
-        let mut compared: Vec<(Vec<f64>, f64)> = incumbents
-            .iter()
-            .map(|row| (row.x.clone(), mean(row)))
-            .collect();
-        compared.sort_by(|a, b| a.1.total_cmp(&b.1));
-        compared.truncate(COMPARED);
+        let mut ordered: Vec<(f64, &SampledDesign)> =
+            incumbents.iter().map(|row| (mean(row), *row)).collect();
+        ordered.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ordered.truncate(COMPARED);
+        let compared = ordered.into_iter().map(|(mean, row)| Compared {
+            x: row.x.clone(),
+            mean,
+            conditional: model.conditional(&row.x),
+        });
         Self {
             model,
             options,
-            compared,
+            compared: compared.collect(),
         }
     }
 
     /// The expected fall of the lowest mean by samples at `x`. `new` is the mean at `x` if it is a
     /// new design: it is then a candidate, too.
-    fn value(&self, x: &[f64], new: Option<f64>, samples: u32) -> f64 {
-        let points: Vec<&[f64]> = self
-            .compared
-            .iter()
-            .map(|(x, _)| x.as_slice())
-            .chain(new.map(|_| x))
-            .collect();
-        // A model that cannot take the observation gains nothing from it.
-        let Ok(changes) = self.model.mean_changes(x, samples, &points) else {
-            return 0.0;
-        };
-        let means = self.compared.iter().map(|c| c.1).chain(new);
-        let lines: Vec<(f64, f64)> = means.zip(changes).collect();
+    fn value(&self, x: &Conditional, new: Option<f64>, samples: u32) -> f64 {
+        let change = |of: &Conditional| self.model.mean_change(of, x, samples);
+        let compared = self.compared.iter();
+        let compared = compared.map(|one| (one.mean, change(&one.conditional)));
+        let lines: Vec<(f64, f64)> = compared.chain(new.map(|mean| (mean, change(x)))).collect();
         // A new design may have the lowest mean already before it is observed.
-        let lowest = self.compared.first().map_or(f64::INFINITY, |c| c.1);
+        let lowest = self.compared.first().map_or(f64::INFINITY, |one| one.mean);
         let least = new.map_or(lowest, |mean| lowest.min(mean));
         let fall = knowledge_gradient(&lines) + (lowest - least).max(0.0);
         // To first order, a fall of a logarithm is a fall of the response in proportion to it.
@@ -70,16 +75,16 @@ impl<'a> KnowledgeGradient<'a> {
 
 impl InfillCriterion for KnowledgeGradient<'_> {
     fn new_design(&self, x: &[f64], baseline: f64) -> f64 {
-        let mean = self.model.mean_above(x, baseline);
-        self.value(x, Some(mean), self.options.samples_new)
+        let conditional = self.model.conditional(x);
+        let mean = conditional.prediction.mean + self.model.shift(baseline);
+        self.value(&conditional, Some(mean), self.options.samples_new)
     }
 
     fn more_samples(&self, row: &SampledDesign) -> f64 {
-        if self.compared.iter().any(|(x, _)| *x == row.x) {
-            self.value(&row.x, None, self.options.samples_more)
-        } else {
-            0.0
-        }
+        let compared = self.compared.iter().find(|one| one.x == row.x);
+        compared.map_or(0.0, |one| {
+            self.value(&one.conditional, None, self.options.samples_more)
+        })
     }
 }
 

@@ -23,6 +23,19 @@ pub struct Prediction {
     pub variance: f64,
 }
 
+/// The noise-free function at one point, given the observations; two of them have a [covariance](Model::covariance).
+#[derive(Debug, Clone)]
+pub struct Conditional {
+    /// What [`Model::predict`] says of the point.
+    pub prediction: Prediction,
+    /// The point in the kernel's coordinates.
+    at: Vec<f64>,
+    /// L⁻¹r of its correlations r with the observations, C = LLᵀ.
+    half: Vec<f64>,
+    /// The trend's part: R⁻¹(f − FᵀC⁻¹r), FᵀC⁻¹F = RRᵀ.
+    trend: Vec<f64>,
+}
+
 impl Model {
     /// The kriging mean m_OK at `x` (d coordinates), equation (19), in units of y.
     ///
@@ -110,6 +123,43 @@ impl Model {
                 Prediction { mean, variance }
             })
             .collect()
+    }
+
+    /// The function at `x` (d coordinates) for [`Model::covariance`]. Costs as much as [`Model::predict`].
+    ///
+    /// # Panics
+    ///
+    /// If `x` has another length than [`Model::dimensions`].
+    #[must_use]
+    pub fn conditional(&self, x: &[f64]) -> Conditional {
+        let at = self.coordinates.scaled(x);
+        let mut half = vec![0.0; self.points.len()];
+        self.kernel
+            .correlations(&at, |j| &self.coordinates.columns[j], &mut half);
+        let mean = self.mean_from(x, &half);
+        let factorisation = self.factorisation();
+        let mut trend = self.trend_error(x, &half);
+        let of_trend = factorisation.gls.quadratic(&mut trend);
+        factorisation.factor.half_solve(&mut half);
+        let unit = (1.0 - dot(&half, &half) + of_trend).max(0.0);
+        let variance = self.parameters.sigma2 * unit * self.calibration;
+        Conditional {
+            prediction: Prediction { mean, variance },
+            at,
+            half,
+            trend,
+        }
+    }
+
+    /// The covariance of the noise-free function at two points, given the observations, in units of y²: equation (20)
+    /// with two points in the place of one. Costs n multiplications.
+    #[must_use]
+    pub fn covariance(&self, a: &Conditional, b: &Conditional) -> f64 {
+        let mut correlation = [0.0];
+        self.kernel
+            .correlations(&a.at, |j| &b.at[j..=j], &mut correlation);
+        let unit = correlation[0] - dot(&a.half, &b.half) + dot(&a.trend, &b.trend);
+        self.parameters.sigma2 * unit * self.calibration
     }
 
     /// The mean at `x` from its correlations with all points: summed as [`Model::mean`] does.

@@ -12,6 +12,7 @@ use super::validate::Source;
 #[serde(deny_unknown_fields)]
 pub struct Enrichment {
     /// The infill criterion: the value of an observation.
+    #[serde(default)]
     pub criterion: Criterion,
     /// Maximum number of samples in total, including those of the DoE.
     pub samples: u32,

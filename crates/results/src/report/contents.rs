@@ -33,6 +33,8 @@ pub struct Report {
     pub indices: Vec<VariableIndices>,
     /// The share of each random input in the scatter at the recommended design.
     pub scatter: Vec<ScatterShare>,
+    /// The rounds of infill; `None` for a campaign without an enrichment.
+    pub enrichment: Option<Enrichment>,
     /// `None` for a problem other than gears.
     pub gears: Option<GearFigures>,
 }
@@ -50,8 +52,6 @@ pub struct GearFigures {
     pub illustrations: BTreeMap<Approach, Illustration>,
     /// The runs of the approaches that have an optimiser.
     pub runs: BTreeMap<Approach, Vec<OptimiserRun>>,
-    /// The rounds of infill; `None` for a campaign without an enrichment.
-    pub enrichment: Option<Enrichment>,
 }
 
 impl Report {
@@ -71,6 +71,7 @@ impl Report {
             slices: model::slices(&snapshot, best.map(|found| &found.design))?,
             indices: model::indices(&snapshot)?,
             scatter: model::scatter(&snapshot),
+            enrichment: enrichment::of(store, &snapshot).await?,
             gears: match snapshot.problem.gears() {
                 Some(_) => Some(GearFigures {
                     paper: PaperFigures::of(&snapshot),
@@ -78,7 +79,6 @@ impl Report {
                     wear: wear::profiles(&snapshot),
                     illustrations: drawing::illustrations(&snapshot),
                     runs: runs::finished(&snapshot)?,
-                    enrichment: enrichment::of(store, &snapshot).await?,
                 }),
                 None => None,
             },

@@ -1,6 +1,7 @@
 //! One function per chart. Each returns a picture, or says why there is nothing to draw.
 
 mod contact;
+mod distribution;
 mod gears;
 mod intervals;
 mod map;
@@ -17,6 +18,7 @@ use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 use crate::report::wear::WearProfiles;
 
 pub use contact::contact;
+pub use distribution::{VerifiedSamples, cumulative, histogram};
 pub use gears::gears;
 pub use intervals::{PercentileSeries, front, teeth};
 pub use map::{ResponseMap, map};

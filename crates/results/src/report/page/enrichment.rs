@@ -3,6 +3,7 @@
 use super::figure::{Figure, figure};
 use crate::number::{count, interval, with_unit};
 use crate::report::charts;
+use crate::report::contents::Report;
 use crate::report::enrichment::Enrichment;
 use crate::report::error::Error;
 
@@ -14,13 +15,18 @@ pub(super) struct EnrichmentView {
 }
 
 impl EnrichmentView {
-    pub(super) fn new(enrichment: &Enrichment, measure: &str) -> Result<Self, Error> {
+    /// `None` without an enrichment.
+    pub(super) fn new(report: &Report) -> Result<Option<Self>, Error> {
+        let Some(enrichment) = &report.enrichment else {
+            return Ok(None);
+        };
+        let measure = &*report.snapshot.measure_name();
         let sentences = [
             effort(enrichment),
             outcome(enrichment, measure),
             enrichment.stop.clone(),
         ];
-        Ok(Self {
+        Ok(Some(Self {
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
             prediction: figure(
                 "enrichment-prediction",
@@ -30,7 +36,11 @@ impl EnrichmentView {
                 "enrichment-expected",
                 charts::expected_improvement(enrichment),
             )?,
-        })
+        }))
+    }
+
+    pub(super) fn figures(&self) -> impl Iterator<Item = &Figure> {
+        [&self.prediction, &self.expected].into_iter()
     }
 }
 

@@ -5,12 +5,13 @@ use askama::Template;
 use super::approaches::{ApproachRow, approaches};
 use super::campaign::CampaignView;
 use super::cells::{Show as _, ShowCount as _, ShowPercentile as _};
+use super::distribution::DistributionView;
 use super::enrichment::EnrichmentView;
 use super::figure::{Figure, figure};
 use super::kriging::KrigingView;
 use super::optimum::OptimumView;
+use super::stages::StagesView;
 use super::{PAGE_STYLE, ReportFiles};
-use crate::costs::StageCost;
 use crate::report::charts::{self, Extent};
 use crate::report::contents::{GearFigures, Report};
 use crate::report::doe::{self, Response, ResponseStatistics};
@@ -64,9 +65,7 @@ struct Body<'a> {
     samples_per_design: u32,
     summary: SummaryView<'a>,
     campaign: CampaignView<'a>,
-    stages: &'a [StageCost],
-    /// Wall and CPU time of all stages, s, as far as it is known.
-    stages_total: [f64; 2],
+    stages: StagesView,
     wear: Figure,
     responses: Vec<ResponseStatistics>,
     doe_is_empty: bool,
@@ -75,6 +74,7 @@ struct Body<'a> {
     kriging: Option<KrigingView<'a>>,
     approaches: Vec<ApproachRow<'a>>,
     convergence: Vec<Figure>,
+    distribution: Option<DistributionView>,
     enrichment: Option<EnrichmentView>,
     optima: Vec<OptimumView>,
     /// The approach that a note is about, if it is about one, and the note.
@@ -85,10 +85,12 @@ impl<'a> Body<'a> {
     /// All figures, in the order of the page.
     fn figures(&self) -> impl Iterator<Item = &Figure> {
         let enrichment = self.enrichment.iter();
+        let distribution = self.distribution.iter();
         let optima = self.optima.iter();
         self.convergence
             .iter()
-            .chain(enrichment.flat_map(|e| [&e.prediction, &e.expected]))
+            .chain(distribution.flat_map(DistributionView::figures))
+            .chain(enrichment.flat_map(EnrichmentView::figures))
             .chain(optima.flat_map(|o| &o.figures))
             .chain(std::iter::once(&self.wear))
             .chain(&self.scatter)
@@ -114,11 +116,7 @@ impl<'a> Body<'a> {
             samples_per_design: snapshot.problem.campaign().sampling.samples_per_design,
             summary: SummaryView::new(report),
             campaign: CampaignView::new(report),
-            stages: &snapshot.costs,
-            stages_total: [
-                total(&snapshot.costs, |stage| stage.wall_seconds),
-                total(&snapshot.costs, |stage| stage.cpu_seconds),
-            ],
+            stages: StagesView::new(snapshot),
             wear: match &gears.wear {
                 Some(profiles) => {
                     let chart = charts::wear(profiles, charts::FULL);
@@ -159,11 +157,8 @@ impl<'a> Body<'a> {
                     figure(&format!("convergence-{}", i + 1), chart)
                 })
                 .collect::<Result<_, _>>()?,
-            enrichment: gears
-                .enrichment
-                .as_ref()
-                .map(|enrichment| EnrichmentView::new(enrichment, &measure))
-                .transpose()?,
+            distribution: DistributionView::new(snapshot)?,
+            enrichment: EnrichmentView::new(report)?,
             optima: optima(report, gears)?,
             notes: all_notes(report),
             measure,
@@ -199,12 +194,4 @@ fn all_notes(report: &Report) -> Vec<(String, String)> {
     on_optima
         .chain(others.map(|note| (String::new(), note)))
         .collect()
-}
-
-/// The sum over the stages whose time is known; NaN if none is.
-fn total(stages: &[StageCost], of: fn(&StageCost) -> f64) -> f64 {
-    let mut known = stages.iter().map(of).filter(|seconds| seconds.is_finite());
-    known
-        .next()
-        .map_or(f64::NAN, |first| first + known.sum::<f64>())
 }

@@ -4,6 +4,7 @@ mod approaches;
 mod atlas;
 mod campaign;
 mod cells;
+mod distribution;
 mod enrichment;
 mod figure;
 mod gears;
@@ -11,6 +12,7 @@ mod kriging;
 mod optimum;
 mod pair;
 mod problem;
+mod stages;
 mod tradeoff;
 
 pub use atlas::render_atlas;

@@ -6,7 +6,10 @@ use problem::formulation::Problem;
 
 use super::campaign::CampaignView;
 use super::cells::{Show as _, ShowCount as _, Value, limited, limited_measure, named};
+use super::distribution::DistributionView;
+use super::enrichment::EnrichmentView;
 use super::kriging::KrigingView;
+use super::stages::StagesView;
 use super::{PAGE_STYLE, ReportFiles};
 use crate::number::{MISSING, digits_of, interval, with_unit};
 use crate::optima::VerifiedOptimum;
@@ -32,11 +35,20 @@ pub(super) fn render(report: &Report) -> Result<ReportFiles, Error> {
             .iter()
             .map(|verified| OptimumRow::new(&snapshot.problem, verified))
             .collect(),
+        stages: StagesView::new(snapshot),
+        distribution: DistributionView::new(snapshot)?,
+        enrichment: EnrichmentView::new(report)?,
         kriging: KrigingView::new(report)?,
         paper: false,
         notes: notes(snapshot),
     };
-    let figures = page.kriging.iter().flat_map(KrigingView::figures);
+    let distribution = page.distribution.iter();
+    let enrichment = page.enrichment.iter();
+    let kriging = page.kriging.iter();
+    let figures = distribution
+        .flat_map(DistributionView::figures)
+        .chain(enrichment.flat_map(EnrichmentView::figures))
+        .chain(kriging.flat_map(KrigingView::figures));
     let charts = figures.filter_map(|figure| figure.file.clone()).collect();
     Ok(ReportFiles {
         html: page.render()?,
@@ -55,6 +67,9 @@ struct Page<'a> {
     summary: SummaryView<'a>,
     campaign: CampaignView<'a>,
     optima: Vec<OptimumRow<'a>>,
+    stages: StagesView,
+    distribution: Option<DistributionView>,
+    enrichment: Option<EnrichmentView>,
     kriging: Option<KrigingView<'a>>,
     /// The paper's problem is one of gears.
     paper: bool,

@@ -61,6 +61,7 @@ pub(crate) fn plausible() -> Report {
             first: 0.31,
             total: 0.46,
         }],
+        enrichment: Some(enrichment()),
         gears: Some(GearFigures {
             paper: Some(PaperFigures {
                 preliminary: preliminary(),
@@ -70,7 +71,6 @@ pub(crate) fn plausible() -> Report {
             wear: Some(wear()),
             illustrations: illustrations(),
             runs: runs(),
-            enrichment: Some(enrichment()),
             doe,
         }),
     }

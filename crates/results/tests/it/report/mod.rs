@@ -22,6 +22,7 @@ fn empty() -> Report {
         slices: Vec::new(),
         scatter: Vec::new(),
         indices: Vec::new(),
+        enrichment: None,
         gears: Some(GearFigures {
             paper: Some(PaperFigures::default()),
             ..GearFigures::default()
@@ -152,8 +153,8 @@ fn text_from_outside_is_escaped_everywhere() {
     all[0].0.note = evil();
     all[1] = no_optima(EVIL).swap_remove(1);
     set_optima(&mut data, all);
+    data.enrichment.as_mut().unwrap().stop = evil();
     let parts = gears(&mut data);
-    parts.enrichment.as_mut().unwrap().stop = evil();
     parts.wear.as_mut().unwrap().subject = evil();
     let designs = &mut of_paper(&mut data).designs;
     designs[0].figures = Err(evil());
@@ -375,21 +376,21 @@ fn the_enrichment_is_told_in_sentences() {
         assert!(text.contains(expected), "missing: {expected}");
     }
     let mut data = plausible();
-    let enrichment = gears(&mut data).enrichment.as_mut().unwrap();
+    let enrichment = data.enrichment.as_mut().unwrap();
     enrichment.verified_um = Some(1.5);
     let page = render(&data).unwrap().html;
     assert!(page.contains("which lies outside"));
     // Before the first round, and where no model could be fitted.
-    let enrichment = gears(&mut data).enrichment.as_mut().unwrap();
+    let enrichment = data.enrichment.as_mut().unwrap();
     enrichment.rounds.truncate(1);
     enrichment.rounds[0].predicted = f64::NAN;
     enrichment.rounds[0].expected_improvement = f64::NAN;
     check(&render(&data).unwrap().html);
-    gears(&mut data).enrichment.as_mut().unwrap().rounds.clear();
+    data.enrichment.as_mut().unwrap().rounds.clear();
     let page = render(&data).unwrap().html;
     check(&page);
     assert!(page.contains("No round has been decided yet."));
-    gears(&mut data).enrichment = None;
+    data.enrichment = None;
     assert!(!render(&data).unwrap().html.contains("id=\"enrichment\""));
 }
 
