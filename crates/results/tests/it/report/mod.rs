@@ -56,9 +56,9 @@ fn set_optima(report: &mut Report, all: Vec<(Optimum, Option<Verification>)>) {
 fn a_full_page_is_well_formed_and_shows_every_chart() {
     let page = render(&plausible()).unwrap().html;
     check(&page);
-    // 3 convergence charts, 2 of the enrichment, 5 charts of each of 4 designs, 4 of the paper's start of an
+    // 3 convergence charts, 2 of the distribution, 2 of the enrichment, 5 charts of each of 4 designs, 4 of the paper's start of an
     // optimisation, wear, 2 + 2 scatter plots, kriging: leave-one-out, residuals, a slice.
-    assert_eq!(element_count(&page, "svg"), 37);
+    assert_eq!(element_count(&page, "svg"), 39);
     assert!(
         !page.contains("class=\"empty\""),
         "a part of a full report is missing"
@@ -117,10 +117,10 @@ fn equal_data_give_equal_bytes() {
 #[test]
 fn every_chart_is_a_file_of_its_own_with_its_data() {
     let rendered = render(&plausible()).unwrap();
-    assert_eq!(rendered.charts.len(), 37);
+    assert_eq!(rendered.charts.len(), 39);
     let names: std::collections::BTreeSet<&str> =
         rendered.charts.iter().map(|chart| &*chart.name).collect();
-    assert_eq!(names.len(), 37, "{names:?}");
+    assert_eq!(names.len(), 39, "{names:?}");
     for chart in &rendered.charts {
         assert!(chart.svg.starts_with("<svg xmlns="), "{}", chart.name);
     }
@@ -176,24 +176,24 @@ fn numbers_reach_the_tables() {
     let page = render(&plausible()).unwrap().html;
     let text = markup::text(&page);
     for expected in [
-        "2009",                              // seed
-        "2175 (72.5 %); paper 2175 of 3000", // simulable share
-        "211\u{202f}584",                    // simulator calls
-        "sample 468 934",                    // wall and CPU time
-        "all stages 688 1367",               // of all stages
-        "5.24 5.82 0.45 0.41 5.90 6.34",     // Table 1, design 1, ours and the paper's alternating
-        "0.012 0.010 0.11 0.10",             // Table 2, design 1
-        "4.83",                              // Table 3
-        "[0.49; 42.70]",                     // Table 3
-        "2.59 2.42 3.18 3.03",               // Table 4, design 1
-        "6.64 [6.58; 6.69]",                 // Table 5, without wear
-        "▲ 2.284",                           // broken slip limit
-        "▲ no",                              // so infeasible
-        "▲ 0.030",                           // Lilliefors
-        "0.874",                             // Q²
-        "93.8 %",                            // coverage
-        "1556 518 MPa ▲ −66.7 %",            // Figure 6, σ_vm
-        "938 1051 MPa +12.0 %",              // Figure 7, F
+        "2009",                               // seed
+        "2175 (72.5 %); paper 2175 of 3000",  // simulable share
+        "211\u{202f}584",                     // simulator calls
+        "sample 209\u{202f}584 468 934",      // calls, wall and CPU time
+        "all stages 211\u{202f}584 688 1367", // of all stages
+        "5.24 5.82 0.45 0.41 5.90 6.34",      // Table 1, design 1, ours and the paper's alternating
+        "0.012 0.010 0.11 0.10",              // Table 2, design 1
+        "4.83",                               // Table 3
+        "[0.49; 42.70]",                      // Table 3
+        "2.59 2.42 3.18 3.03",                // Table 4, design 1
+        "6.64 [6.58; 6.69]",                  // Table 5, without wear
+        "▲ 2.284",                            // broken slip limit
+        "▲ no",                               // so infeasible
+        "▲ 0.030",                            // Lilliefors
+        "0.874",                              // Q²
+        "93.8 %",                             // coverage
+        "1556 518 MPa ▲ −66.7 %",             // Figure 6, σ_vm
+        "938 1051 MPa +12.0 %",               // Figure 7, F
         "notch factor outside its range of validity",
         "Not simulated: the store holds no sample of it",
     ] {
