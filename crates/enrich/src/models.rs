@@ -25,8 +25,8 @@ pub(crate) struct Region {
 
 /// The regions of a round.
 pub(crate) struct Regions {
-    /// The basins in the order of their best designs, the best one first. A basin with two models is
-    /// listed twice.
+    /// The basins in the order of their best designs, the best one first. A basin is listed once
+    /// for each of its models.
     pub(crate) basins: Vec<Region>,
     /// The whole box, with the model of all designs.
     pub(crate) whole: Region,

@@ -29,7 +29,7 @@ pub struct SampledDesign {
 pub struct ExactCriteria {
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
     pub violation: f64,
-    /// A cheap approximation of the response, zero everywhere if there is none. One of two models is
+    /// A cheap approximation of the response, zero everywhere if there is none. One of the models is
     /// fitted to the difference between response and baseline (M. C. Kennedy, A. O'Hagan, *Predicting the
     /// output from a complex computer code when fast approximations are available*, Biometrika 87 (2000)
     /// 1–13, with the factor 1).

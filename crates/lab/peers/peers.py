@@ -66,7 +66,7 @@ class Budget:
 # --- This project ----------------------------------------------------------------------------------------------------
 
 
-def campaign(approach, **settings):
+def campaign(approach):
     """The design that an approach of a campaign recommends."""
 
     def run(problem, seed):
@@ -81,11 +81,9 @@ def campaign(approach, **settings):
         first = designs
         if approach == "enriched-kriging":
             first = max(designs // 5, 2 * problem.dimension)
-            criterion = settings.get("criterion")
-            named = f'criterion = "{criterion}"\n' if criterion else ""
             text.append(
-                f"[enrichment]\n{named}samples = {problem.budget}\nrounds = 1000\npoints_per_round = 6\n"
-                f"samples_per_point = {SAMPLES}\ntolerance = {settings.get('tolerance', 0.002)}"
+                f"[enrichment]\nsamples = {problem.budget}\nrounds = 1000\npoints_per_round = 6\n"
+                f"samples_per_point = {SAMPLES}\ntolerance = 0.002"
             )
         elif approach == "direct":
             first = 2 * problem.dimension + 2
@@ -111,10 +109,6 @@ def campaign(approach, **settings):
 # --- The others ------------------------------------------------------------------------------------------------------
 
 
-def violation(problem, x):
-    return sum(max(0.0, float(g)) for g in problem.constraints(x))
-
-
 def cma_es(problem, seed):
     """pycma with its noise handling; what breaks a constraint is ranked behind all else, without samples."""
     import cma
@@ -124,7 +118,7 @@ def cma_es(problem, seed):
 
     def cost(u):
         x = budget.scaled(u)
-        broken = violation(problem, x)
+        broken = problem.violation(x)
         if broken > 0:
             return worst[0] + 1 + broken
         value, _ = budget.estimate(x)
@@ -148,7 +142,7 @@ def cma_es(problem, seed):
     if best is None:
         return None
     x = budget.scaled(best)
-    if violation(problem, x) > 0:
+    if problem.violation(x) > 0:
         x = budget.scaled(search.result.xbest)
     return x
 
@@ -185,7 +179,6 @@ def botorch(problem, seed):
     """qLogNEI with the known noise, four designs at a time; the design with the least posterior mean is named."""
     import torch
     from botorch.acquisition.logei import qLogNoisyExpectedImprovement
-    from botorch.exceptions.warnings import BotorchWarning
     from botorch.fit import fit_gpytorch_mll
     from botorch.models import SingleTaskGP
     from botorch.models.transforms.outcome import Standardize
@@ -205,7 +198,7 @@ def botorch(problem, seed):
     def feasible(n, tries=2**14):
         """Random feasible points, nearest ones if there are too few."""
         u = torch.rand(tries, d, dtype=torch.double)
-        broken = torch.tensor([violation(problem, budget.scaled(one.numpy())) for one in u]) if count else torch.zeros(tries)
+        broken = torch.tensor([problem.violation(budget.scaled(one.numpy())) for one in u]) if count else torch.zeros(tries)
         return u[torch.argsort(broken)[:n]]
 
     u = feasible(max(2 * d + 2, budget.left // 5)) if count else torch.quasirandom.SobolEngine(d, True, seed).draw(
@@ -283,7 +276,7 @@ def smt(problem, seed):
         while not search.stop():
             points = search.ask()
             values = model.predict_values(np.array(points))[:, 0]
-            broken = [violation(problem, budget.scaled(p)) for p in points]
+            broken = [problem.violation(budget.scaled(p)) for p in points]
             search.tell(points, [1e6 * (1 + b) if b > 0 else float(v) for v, b in zip(values, broken)])
         if best is None or search.result.fbest < best[0]:
             best = (search.result.fbest, search.result.xbest)
@@ -321,26 +314,11 @@ def one(job):
         x, why = None, f"{type(error).__name__}: {error}"
     held = x is not None and problem.is_feasible(x)
     record = {"tool": tool, "problem": name, "seed": seed, "x": x, "percentile": problem.truth(x) if held else None}
-    record["broken"] = violation(problem, x) if x is not None else None
+    record["broken"] = problem.violation(x) if x is not None else None
     record["seconds"] = round(processor_time() - begun, 2)
     if why:
         record["why"] = why
     return record
-
-
-# The least percentiles, by long searches on the true ones.
-OPTIMA = {
-    "branin": 0.51815,
-    "lognormal": 2.56799,
-    "rare jump": 2.30125,
-    "welded beam": 0.71028,
-    "side impact": 3.96255,
-    "ten variables": 1.53648,
-    "camel": 1.22469,
-    "gomez": 1.43355,
-    "hartmann": 0.98015,
-    "levy": 1.38447,
-}
 
 
 def table(path):
@@ -350,7 +328,7 @@ def table(path):
     print("| problem (optimum) | " + " | ".join(tools) + " | enriched against the best |")
     print("|---|" + "---:|" * (len(tools) + 1))
     reached = 0
-    for name, least in OPTIMA.items():
+    for name, problem in PROBLEMS.items():
         medians, cells = {}, []
         for tool in tools:
             held = [run for run in runs if run["tool"] == tool and run["problem"] == name]
@@ -363,8 +341,8 @@ def table(path):
         cells = [f"**{cell}**" if medians[tool] == best else cell for tool, cell in zip(tools, cells)]
         share = medians.get("enriched", math.inf) / best - 1
         reached += share <= 0.02
-        print(f"| {name} ({least:.3f}) | " + " | ".join(cells) + f" | {100 * share:+.1f} % |")
-    print(f"\nBest or within 2 % of the best on {reached} of {len(OPTIMA)}.")
+        print(f"| {name} ({problem.optimum:.3f}) | " + " | ".join(cells) + f" | {100 * share:+.1f} % |")
+    print(f"\nBest or within 2 % of the best on {reached} of {len(PROBLEMS)}.")
 
 
 def main():

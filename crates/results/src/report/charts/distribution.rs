@@ -34,15 +34,27 @@ impl VerifiedSamples<'_> {
         ordered
     }
 
-    /// A vertical line at the measure, up to `top`.
-    fn line(&self, top: f64) -> Option<Series> {
-        let (name, value) = self.measure.clone()?;
-        Some(Series {
+    /// A curve over the response, and a vertical line at the measure up to `top`.
+    fn chart(&self, title: String, y: &str, curve: Vec<[f64; 2]>, top: f64) -> Chart {
+        let line = self.measure.clone().map(|(name, value)| Series {
             name: Some(name),
             mark: Mark::Thin("5 3"),
             colour: 1,
             points: vec![[value, 0.0], [value, top]],
-        })
+        });
+        let curve = Series {
+            name: Some("verification samples".to_owned()),
+            mark: Mark::Curve(""),
+            colour: 0,
+            points: curve,
+        };
+        Chart {
+            title,
+            x: axis(label(self.response, self.unit), Scale::Linear),
+            y: axis(y, Scale::Linear),
+            series: [curve].into_iter().chain(line).collect(),
+            size: HALF,
+        }
     }
 }
 
@@ -52,52 +64,48 @@ impl VerifiedSamples<'_> {
 /// # Errors
 /// [`Error::NothingToDraw`] without a finite sample.
 pub fn histogram(samples: &VerifiedSamples<'_>) -> Result<Picture, Error> {
-    let ordered = samples.ordered();
-    let n = ordered.len();
+    let counts = counts(&samples.ordered());
     let mut outline = Vec::new();
-    let mut most = 0.0_f64;
-    if let (Some(&low), Some(&high)) = (ordered.first(), ordered.last()) {
-        let quartiles = ordered[3 * (n - 1) / 4] - ordered[(n - 1) / 4];
-        let wanted = 2.0 * quartiles / (n as f64).cbrt();
-        let intervals = (((high - low) / wanted).ceil() as usize).clamp(INTERVALS.0, INTERVALS.1);
-        // Equal samples are one interval about their value.
-        let (low, width) = if high > low {
-            (low, (high - low) / intervals as f64)
-        } else {
-            let half = 0.5 * low.abs().max(1.0) * f64::EPSILON.sqrt();
-            (low - half, 2.0 * half)
-        };
-        let mut counts = vec![0_u32; if high > ordered[0] { intervals } else { 1 }];
-        let last = counts.len() - 1;
-        for value in &ordered {
-            counts[(((value - low) / width) as usize).min(last)] += 1;
-        }
-        outline.push([low, 0.0]);
-        for (i, &count) in counts.iter().enumerate() {
-            let count = f64::from(count);
-            most = most.max(count);
-            outline.push([low + i as f64 * width, count]);
-            outline.push([low + (i + 1) as f64 * width, count]);
-        }
-        outline.push([low + counts.len() as f64 * width, 0.0]);
+    for &(low, high, count) in &counts {
+        outline.extend([[low, count], [high, count]]);
     }
-    let bars = Series {
-        name: Some("verification samples".to_owned()),
-        mark: Mark::Curve(""),
-        colour: 0,
-        points: outline,
+    // The outline ends on the axis.
+    if let (Some(first), Some(last)) = (counts.first(), counts.last()) {
+        outline.insert(0, [first.0, 0.0]);
+        outline.push([last.1, 0.0]);
+    }
+    let most = counts.iter().map(|one| one.2).fold(0.0, f64::max);
+    let title = format!("Samples of {}", samples.response);
+    draw(
+        samples.chart(title, "number of samples", outline, most),
+        "histogram",
+        "there is no verification sample",
+    )
+}
+
+/// Lower end, upper end and number of samples of each interval.
+fn counts(ordered: &[f64]) -> Vec<(f64, f64, f64)> {
+    let (Some(&low), Some(&high)) = (ordered.first(), ordered.last()) else {
+        return Vec::new();
     };
-    let chart = Chart {
-        title: format!("Samples of {}", samples.response),
-        x: axis(label(samples.response, samples.unit), Scale::Linear),
-        y: axis("number of samples", Scale::Linear),
-        series: [Some(bars), samples.line(most)]
-            .into_iter()
-            .flatten()
-            .collect(),
-        size: HALF,
-    };
-    draw(chart, "histogram", "there is no verification sample")
+    let n = ordered.len();
+    if low == high {
+        // One narrow interval about the value.
+        let half = 0.5 * low.abs().max(1.0) * f64::EPSILON.sqrt();
+        return vec![(low - half, low + half, n as f64)];
+    }
+    let quartiles = ordered[3 * (n - 1) / 4] - ordered[(n - 1) / 4];
+    let wanted = 2.0 * quartiles / (n as f64).cbrt();
+    let intervals = (((high - low) / wanted).ceil() as usize).clamp(INTERVALS.0, INTERVALS.1);
+    let width = (high - low) / intervals as f64;
+    let end = |i: usize| low + i as f64 * width;
+    let mut counts: Vec<(f64, f64, f64)> =
+        (0..intervals).map(|i| (end(i), end(i + 1), 0.0)).collect();
+    for value in ordered {
+        let i = ((value - low) / width) as usize;
+        counts[i.min(intervals - 1)].2 += 1.0;
+    }
+    counts
 }
 
 /// The share of samples that are no greater than a value.
@@ -115,25 +123,39 @@ pub fn cumulative(samples: &VerifiedSamples<'_>) -> Result<Picture, Error> {
         steps.push([ordered[i], share(i)]);
         steps.push([ordered[i], share((k + 1) * n / shown)]);
     }
-    let function = Series {
-        name: Some("verification samples".to_owned()),
-        mark: Mark::Curve(""),
-        colour: 0,
-        points: steps,
-    };
-    let chart = Chart {
-        title: "Distribution function".to_owned(),
-        x: axis(label(samples.response, samples.unit), Scale::Linear),
-        y: axis("share of the samples", Scale::Linear),
-        series: [Some(function), samples.line(1.0)]
-            .into_iter()
-            .flatten()
-            .collect(),
-        size: HALF,
-    };
+    let title = "Distribution function".to_owned();
     draw(
-        chart,
+        samples.chart(title, "share of the samples", steps, 1.0),
         "distribution function",
         "there is no verification sample",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_sample_is_in_one_interval() {
+        let samples = |f: fn(f64) -> f64, n: u32| -> Vec<f64> {
+            let mut all: Vec<f64> = (0..n).map(|i| f(f64::from(i) / f64::from(n))).collect();
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        // Even, with far outliers, nearly all equal, all equal, one, none.
+        for (ordered, intervals) in [
+            (samples(|u| u, 1000), 8..=20),
+            (samples(|u| (u + 1e-3).recip(), 1000), 60..=60),
+            (samples(|u| f64::from(u > 0.9), 1000), 60..=60),
+            (samples(|_| 2.0, 30), 1..=1),
+            (samples(|u| u, 1), 1..=1),
+            (Vec::new(), 0..=0),
+        ] {
+            let counts = counts(&ordered);
+            assert!(intervals.contains(&counts.len()), "{}", counts.len());
+            let sum: f64 = counts.iter().map(|one| one.2).sum();
+            assert_eq!(sum, ordered.len() as f64);
+            assert!(counts.windows(2).all(|two| two[0].1 == two[1].0));
+        }
+    }
 }
