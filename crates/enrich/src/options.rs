@@ -112,7 +112,7 @@ impl Options {
             seed: 0,
             criterion: Criterion::default(),
             kernel: Kernel::default(),
-            noise: Noise::Own,
+            noise: Noise::Smoothed,
             logarithm: true,
             batch: 12,
             samples_new: 30,

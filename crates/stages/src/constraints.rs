@@ -2,17 +2,18 @@
 //!
 //! The program cannot evaluate the thousands of candidates of a round, so kriging models of the
 //! criteria replace it there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of
-//! metamodeling sampling criteria for constrained global optimization*, Engineering Optimization 34 (2002),
-//! with the models' means as constraints. Each point that a round chooses is then evaluated by the program
-//! before it gets samples. A point that breaks a constraint gets none: its values refine the models of the
-//! next round. A recommended design is always one that was evaluated, so no model decides whether it is
+//! metamodeling sampling criteria for constrained global optimization*, Engineering Optimization 34 (2002).
+//! Rounds take in turn the probability that the constraints are kept and the models' means as constraints
+//! ([`Caution`]): the models become better about the constraints' edges, where they are uncertain. Each point that a
+//! round chooses is then evaluated by the program before it gets samples. A point that breaks a constraint gets
+//! none: its values refine the models of the next round. A recommended design is always one that was evaluated, so no model decides whether it is
 //! feasible. A problem without constraints is asked, too: the program may refuse a point, and the next rounds
 //! learn from that where points can be simulated.
 
 use std::sync::Arc;
 
 use enrich::ExactCriteria;
-use kriging::{Data, FitOptions, Model};
+use kriging::{Model, Prediction};
 use ledger::{StreamDemand, StreamId};
 use problem::Criteria;
 use problem::formulation::{Design, Problem};
@@ -21,6 +22,7 @@ use store::{EvaluationRow, InfillRow, Store};
 
 use crate::doe;
 use crate::infill::{MORE, bits, violation};
+use crate::limits::{Caution, fitted};
 use crate::state::VerifyPoint;
 
 /// Whether only the program knows the constraints of a design, and whether it can be simulated at all.
@@ -93,6 +95,9 @@ pub async fn criteria_at(
     Ok(None)
 }
 
+/// Probability of keeping all constraints below which a design is not looked at.
+const HARDLY: f64 = 0.01;
+
 /// Models of the criteria, in their problem's order.
 pub(crate) struct Models {
     /// `None` for a criterion that cannot be modelled, for example because of too few designs.
@@ -113,40 +118,39 @@ impl Models {
         }
     }
 
-    /// The predicted constraint violation of a design. It is zero if a criterion has no model,
-    /// because the program evaluates the chosen points anyway.
-    pub(crate) fn known(&self, problem: &Problem, x: &[f64]) -> ExactCriteria {
-        let means: Option<Vec<f64>> = self
-            .models
-            .iter()
-            .map(|model| Some(model.as_ref()?.mean(x)))
-            .collect();
-        ExactCriteria::from(means.map_or(0.0, |means| violation(problem, &Criteria::new(means))))
+    /// The predicted constraint violation of a design or, if `caution` asks for it, the probability that it keeps all
+    /// constraints, with a violation only where that is next to nothing. Nothing is held against a design if a criterion has
+    /// no model, because the program evaluates the chosen points anyway.
+    pub(crate) fn known(&self, problem: &Problem, x: &[f64], caution: Caution) -> ExactCriteria {
+        let models = self.models.iter();
+        let predicted = models.map(|model| Some(model.as_ref()?.predict(x)));
+        let Some(predicted) = predicted.collect::<Option<Vec<Prediction>>>() else {
+            return ExactCriteria::from(0.0);
+        };
+        let shifted = |deviations: f64| {
+            let value = |one: &Prediction| one.mean + deviations * one.variance.max(0.0).sqrt();
+            Criteria::new(predicted.iter().map(value).collect())
+        };
+        let means = shifted(0.0);
+        let expected = violation(problem, &means);
+        if caution == Caution::Safe {
+            return ExactCriteria::from(expected);
+        }
+        let constraints = problem.constraints(&means);
+        let moved = problem.constraints(&shifted(1.0));
+        let each = constraints.iter().zip(moved).map(|(one, moved)| {
+            let sd = (moved.value - one.value).abs();
+            match sd > 0.0 {
+                true => stats::normal_probability(-one.excess / sd),
+                false => f64::from(u8::from(one.holds())),
+            }
+        });
+        let holds: f64 = each.product();
+        ExactCriteria {
+            holds,
+            ..ExactCriteria::from(if holds < HARDLY { expected } else { 0.0 })
+        }
     }
-}
-
-/// A model of a constrained quantity with these values and variances at the designs `x`, row after row; `None` if the data
-/// have none.
-pub(crate) fn fitted(
-    problem: &Problem,
-    x: &[f64],
-    y: &[f64],
-    noise_variance: &[f64],
-) -> Option<Model> {
-    let options = FitOptions {
-        kernel: problem.campaign().kriging.kernel,
-        seed: problem.campaign().seed,
-        starts: 5,
-        ..FitOptions::default()
-    };
-    let d = problem.dimension();
-    let data = Data {
-        x,
-        d,
-        y,
-        noise_variance,
-    };
-    kriging::fit(&data, &options).ok()
 }
 
 #[cfg(test)]
@@ -183,7 +187,7 @@ mod tests {
         let (mut feasible, mut others) = (0, 0);
         for (x, criteria) in evaluated(230).split_off(30) {
             let area = criteria.values()[0];
-            let expected = models.known(&problem, &x).violation;
+            let expected = models.known(&problem, &x, Caution::Safe).violation;
             if (area - 9.5).abs() > 0.05 {
                 assert_eq!(expected > 0.0, area > 9.5, "{x:?}: {area}, {expected}");
                 *(if area > 9.5 {
@@ -197,11 +201,28 @@ mod tests {
     }
 
     #[test]
+    fn a_probable_round_looks_at_what_uncertain_models_hold_impossible_and_a_safe_one_does_not() {
+        let problem = beam();
+        let few = Models::fit(&problem, &evaluated(6));
+        let (mut doubtful, mut hopeless) = (0, 0);
+        for (x, _) in evaluated(230).split_off(30) {
+            let safe = few.known(&problem, &x, Caution::Safe);
+            let probable = few.known(&problem, &x, Caution::Probable);
+            assert_eq!(safe.holds, 1.0);
+            assert_eq!(probable.violation > 0.0, probable.holds < HARDLY, "{x:?}");
+            doubtful += u32::from(safe.violation > 0.0 && probable.violation == 0.0);
+            hopeless += u32::from(probable.violation > 0.0);
+        }
+        assert!(doubtful > 0 && hopeless > 0, "{doubtful} {hopeless}");
+    }
+
+    #[test]
     fn without_a_model_nothing_is_held_against_a_design() {
         let problem = beam();
         for known in [0, 1] {
             let models = Models::fit(&problem, &evaluated(known));
-            assert_eq!(models.known(&problem, &[4.0, 4.0]).violation, 0.0);
+            let known = models.known(&problem, &[4.0, 4.0], Caution::Probable);
+            assert_eq!((known.violation, known.holds), (0.0, 1.0));
         }
     }
 

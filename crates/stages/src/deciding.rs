@@ -349,9 +349,10 @@ impl Rows {
             .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));
         let exact = |x: &[f64]| -> Option<ExactCriteria> {
             if let Some(models) = &models {
+                let known = models.known(problem, x, caution);
                 return Some(ExactCriteria {
-                    holds: limited.factor(problem, x, caution),
-                    ..models.known(problem, x)
+                    holds: known.holds * limited.factor(problem, x, caution),
+                    ..known
                 });
             }
             let (known, took) = infill::known(problem, &problem.design(x, base))?;

@@ -165,7 +165,7 @@ pub fn options(
         seed: problem.campaign().seed,
         criterion: section.criterion,
         kernel: problem.campaign().kriging.kernel,
-        noise: problem.campaign().kriging.noise,
+        noise: problem.campaign().kriging.noise.unwrap_or(standard.noise),
         batch: section.points_per_round as usize,
         samples_new: section.samples_per_point,
         samples_more: section.samples_per_point,

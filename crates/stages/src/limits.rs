@@ -1,9 +1,8 @@
 //! The limits of measures of samples in a round of infill, which models of these measures tell.
 
-use kriging::Model;
+use kriging::{Data, FitOptions, Model};
 use problem::formulation::Problem;
 
-use crate::constraints::fitted;
 use crate::doe;
 
 /// Models of the measures that constraints limit, in their order.
@@ -19,7 +18,8 @@ pub(crate) enum Caution {
     /// models become better there (M. Schonlau, *Computer Experiments and Global Optimization*, thesis, University of
     /// Waterloo, 1997).
     Probable,
-    /// It keeps all limits with the probability that a recommended design needs.
+    /// It keeps all limits on samples with the probability that a recommended design needs, and the other constraints by
+    /// the means of their models.
     Safe,
 }
 
@@ -90,4 +90,28 @@ impl LimitedModels {
         });
         each.product()
     }
+}
+
+/// A model of a constrained quantity with these values and variances at the designs `x`, row after row; `None` if the data
+/// have none.
+pub(crate) fn fitted(
+    problem: &Problem,
+    x: &[f64],
+    y: &[f64],
+    noise_variance: &[f64],
+) -> Option<Model> {
+    let options = FitOptions {
+        kernel: problem.campaign().kriging.kernel,
+        seed: problem.campaign().seed,
+        starts: 5,
+        ..FitOptions::default()
+    };
+    let d = problem.dimension();
+    let data = Data {
+        x,
+        d,
+        y,
+        noise_variance,
+    };
+    kriging::fit(&data, &options).ok()
 }

@@ -302,10 +302,11 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
             baseline: known.baseline,
         });
     }
+    let standard = Options::new(bounds.clone());
     let options = |left: u32| Options {
         seed,
         criterion,
-        noise: problem.campaign().kriging.noise,
+        noise: problem.campaign().kriging.noise.unwrap_or(standard.noise),
         batch: 24,
         delta_um: 0.003,
         samples_left: left,
@@ -313,7 +314,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         search_evaluations: 400,
         samples_new: SAMPLES,
         samples_more: SAMPLES,
-        ..Options::new(bounds.clone())
+        ..standard.clone()
     };
     let known = |x: &[f64]| exact(problem, &base, x, &plain);
     let decision: Decision = loop {
@@ -468,8 +469,8 @@ fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
     }
     match value("--noise").as_deref() {
         None => {}
-        Some("own") => campaign.kriging.noise = Noise::Own,
-        Some("smoothed") => campaign.kriging.noise = Noise::Smoothed,
+        Some("own") => campaign.kriging.noise = Some(Noise::Own),
+        Some("smoothed") => campaign.kriging.noise = Some(Noise::Smoothed),
         Some(_) => panic!("--noise takes own or smoothed"),
     }
     // This validates the other values, too.

@@ -20,8 +20,9 @@ pub struct Kriging {
     pub estimator: Estimator,
     /// The trend of the response.
     pub trend: Trend,
-    /// The source of the known noise variances.
-    pub noise: Noise,
+    /// The source of the known noise variances. Without it, kriging takes those of each design's own samples, as the paper
+    /// does, and an enrichment smoothes them, so that its recommended design is not one that only seems good.
+    pub noise: Option<Noise>,
     /// Whether a noise variance is estimated in addition to the known ones.
     pub nugget: Nugget,
     /// Whether predicted variances are scaled to the leave-one-out residuals.
@@ -40,9 +41,9 @@ impl Kriging {
         sampling: &Sampling,
     ) -> Result<(), FileError> {
         source.require(
-            self.noise == Noise::Own || sampling.precision.is_none(),
+            self.noise != Some(Noise::Smoothed) || sampling.precision.is_none(),
             "kriging.noise",
-            self.noise,
+            Noise::Smoothed,
             "\"own\" beside sampling.precision, which gives designs different numbers of samples",
         )?;
         if self.method == Method::Vecchia {
@@ -88,7 +89,7 @@ impl Kriging {
             },
             method: self.method,
             response: self.response,
-            noise: self.noise,
+            noise: self.noise.unwrap_or_default(),
         }
     }
 }
