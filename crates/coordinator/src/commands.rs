@@ -100,14 +100,24 @@ fn read_by<T>(path: &Path, by: impl FnOnce(&Path) -> std::io::Result<T>) -> Resu
 
 /// Reads a campaign file, or takes the paper's.
 fn campaign_or_paper(file: Option<&Path>) -> Result<CampaignFile, ProgramError> {
-    let (name, text) = match file {
-        Some(path) => (path.display().to_string(), read(path)?),
-        None => (
-            "the built-in campaign".to_owned(),
-            Campaign::PAPER.to_owned(),
-        ),
+    match file {
+        Some(path) => campaign_file(path),
+        None => Ok(CampaignFile::parse(
+            "the built-in campaign",
+            Campaign::PAPER,
+        )?),
+    }
+}
+
+/// Reads a campaign file, with the table of designs that it names.
+fn campaign_file(path: &Path) -> Result<CampaignFile, ProgramError> {
+    let file = CampaignFile::parse(&path.display().to_string(), &read(path)?)?;
+    let Some(table) = &file.campaign.doe.table else {
+        return Ok(file);
     };
-    Ok(CampaignFile::parse(&name, &text)?)
+    let table = folder_of(Some(path)).join(table);
+    let text = read(&table)?;
+    Ok(file.with_designs(&table.display().to_string(), &text)?)
 }
 
 async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {

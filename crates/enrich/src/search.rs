@@ -40,14 +40,14 @@ where
     let mut incumbents = region.incumbents.iter();
     let has_feasible = incumbents.any(|&row| sampled[row].violation <= 0.0);
     let gain = |x: &[f64], criteria: &ExactCriteria| {
-        let gain = criterion.new_design(x, criteria.baseline);
-        // Until a design is known to keep its limits, finding one is worth several δ.
-        let least = if has_feasible || criteria.holds >= 1.0 {
-            0.0
+        let gain = if has_feasible || criteria.holds >= 1.0 {
+            criteria.holds * criterion.new_design(x, criteria.baseline)
         } else {
-            FIRST * options.delta_um
+            // Until a design is known to keep its limits, finding one is all that counts. Of many limits the probability is
+            // tiny almost everywhere, so its order of magnitude leads the way.
+            FIRST * options.delta_um / (1.0 - criteria.holds.log10())
         };
-        context.probability(x) * criteria.holds * gain.max(least)
+        context.probability(x) * gain
     };
     let within = Bounds::new(region.bounds.clone())?;
     let mut evaluate = |x: &[f64]| -> Evaluation {

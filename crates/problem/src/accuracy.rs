@@ -17,6 +17,7 @@ use crate::file::{
     Campaign, ControlVariate, EstimatorRule, FileError, Form, Sampling, Source, WearCoefficients,
 };
 use crate::formulation::Problem;
+use crate::own_designs;
 
 /// The simulator's table of `tradeoff`, measured in full with the paper's campaign; coupled cells with the
 /// gears of `campaigns/pair.toml`, and against 96 phases.
@@ -160,8 +161,10 @@ impl CampaignFile {
         let source = Source { file, text };
         let form = Form::parse(source)?;
         let Some(tolerance_um) = form.tolerance_um() else {
+            let campaign = Campaign::parse(file, text)?;
+            own_designs::check(&campaign, source)?;
             return Ok(Self {
-                campaign: Campaign::parse(file, text)?,
+                campaign,
                 text: text.to_owned(),
                 choice: None,
             });
@@ -216,6 +219,29 @@ impl CampaignFile {
             campaign,
             text: format!("# {choice}\n\n{written}"),
             choice: Some(choice),
+        })
+    }
+
+    /// The campaign with the designs of its table, whose text this is; `file` names the table in errors.
+    ///
+    /// # Errors
+    ///
+    /// The error names the line, the fault and the valid values.
+    ///
+    /// # Panics
+    ///
+    /// Never: a campaign is plain numbers and names, which TOML can hold.
+    pub fn with_designs(self, file: &str, table: &str) -> Result<Self, FileError> {
+        let points = own_designs::of_table(&Problem::new(self.campaign.clone()), file, table)?;
+        let mut campaign = self.campaign;
+        campaign.doe.points = points;
+        campaign.doe.table = None;
+        let text = toml::to_string(&campaign).expect("plain numbers and names serialise");
+        campaign.validate(Source { file, text: &text })?;
+        Ok(Self {
+            campaign,
+            text,
+            ..self
         })
     }
 }

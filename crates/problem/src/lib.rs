@@ -15,6 +15,7 @@ mod approach;
 pub mod file;
 pub mod formulation;
 pub mod optimise;
+mod own_designs;
 pub mod probe;
 mod quantity;
 pub mod simulator;

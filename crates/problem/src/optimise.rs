@@ -155,12 +155,15 @@ impl Search {
             u64::from(run.start),
         );
         let mut origin: Vec<f64> = (0..dimension).map(|_| rng.random()).collect();
-        let from = run.from.as_ref().map(|design| {
-            let mut unit = problem.unit_point(&problem.free_values(design));
+        let unit_point = |x: &[f64]| {
+            let mut unit = problem.unit_point(x);
             // Rounding may leave the box.
             unit.iter_mut().for_each(|u| *u = u.clamp(0.0, 1.0));
             unit
-        });
+        };
+        let from = run.from.as_ref();
+        let from = from.map(|design| unit_point(&problem.free_values(design)));
+        let own = campaign.doe.points.get(run.start as usize);
         let mut options = settings.run(bounds);
         options.search.cells = problem.cells(run.approach);
         let mut first = None;
@@ -174,6 +177,10 @@ impl Search {
                 origin = from;
                 // The best design lies near one that is good already.
                 options.search.step /= 3.0;
+            }
+            // An approach that varies more than the DoE does has no own designs.
+            (_, None) if dimension == problem.dimension() => {
+                origin = own.map_or(origin, |x| unit_point(x));
             }
             _ => {}
         }

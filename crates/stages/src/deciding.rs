@@ -343,7 +343,12 @@ impl Rows {
         // At most the budget, which has 32 bits.
         let options = options(problem, section, left as u32)?;
         let Known { state, limited, .. } = self.state(problem, base);
-        let caution = Caution::of_round(self.rounds.len());
+        let is_feasible = |one: &SampledDesign| one.violation <= 0.0;
+        let caution = match state.sampled.iter().any(is_feasible) {
+            true => Caution::of_round(self.rounds.len()),
+            // No region is safe yet.
+            false => Caution::Probable,
+        };
         let calls = Cell::new(0);
         let models = constraints::are_asked(problem)
             .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));

@@ -15,22 +15,31 @@ pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Des
         seed: campaign.seed,
         ..doe::Options::default()
     };
+    anyhow::ensure!(
+        campaign.doe.table.is_none(),
+        "the designs of doe.table have not been read"
+    );
     let n = campaign.doe.designs as usize;
-    let design = if existing.is_empty() {
-        let d = problem.dimension();
-        campaign.doe.method.design(n, d, &options)?
-    } else {
-        campaign
-            .doe
-            .method
-            .enlarge(&held(problem, existing), n, &options)?
-    };
-    Ok((existing.len()..n)
-        .map(|index| DesignRow {
-            design: index as u64,
-            x: problem.free_point(design.point(index)),
+    let own = (0..).zip(&campaign.doe.points);
+    let own: Vec<DesignRow> = own
+        .map(|(design, x)| DesignRow {
+            design,
+            x: x.clone(),
         })
-        .collect())
+        .collect();
+    let first = if existing.is_empty() { &own } else { existing };
+    let method = campaign.doe.method;
+    let design = if first.is_empty() {
+        method.design(n, problem.dimension(), &options)?
+    } else {
+        method.enlarge(&held(problem, first), n, &options)?
+    };
+    let own = own.iter().skip(existing.len()).cloned();
+    let made = (first.len()..n).map(|index| DesignRow {
+        design: index as u64,
+        x: problem.free_point(design.point(index)),
+    });
+    Ok(own.chain(made).collect())
 }
 
 /// Checks whether [`make`] can add the missing designs to the `existing` ones. The check comes

@@ -18,7 +18,7 @@ use stages::references;
 use stages::stage::Stage;
 use stats::streams::{Purpose, stream};
 
-use super::{folder_of, print_either, read};
+use super::{campaign_file, folder_of, print_either};
 use crate::arguments;
 use runner::cpu::thread_seconds;
 
@@ -66,7 +66,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     let file = arguments.campaign.display().to_string();
     let CampaignFile {
         campaign, choice, ..
-    } = CampaignFile::parse(&file, &read(&arguments.campaign)?)?;
+    } = campaign_file(&arguments.campaign)?;
     let problem = Problem::new(campaign.clone());
     let n = u64::from(campaign.doe.designs);
     let k = u64::from(campaign.sampling.samples_per_design);

@@ -17,7 +17,7 @@ use tracing::{info, warn};
 
 use super::modelling::interruptible;
 use super::output_folder::OutputFolder;
-use super::{Usage, local_workers, print_either, processors, read, refuse_network_store};
+use super::{Usage, campaign_file, local_workers, print_either, processors, refuse_network_store};
 use crate::arguments;
 use crate::progress::Progress;
 
@@ -187,8 +187,7 @@ fn usage(error: impl std::fmt::Display) -> Usage {
 
 /// Reads a campaign and refuses one that is not of gears.
 fn parse(file: &Path) -> Result<Campaign, ProgramError> {
-    let CampaignFile { campaign, .. } =
-        CampaignFile::parse(&file.display().to_string(), &read(file)?)?;
+    let CampaignFile { campaign, .. } = campaign_file(file)?;
     require_gears(&campaign).map_err(usage)?;
     Ok(campaign)
 }

@@ -404,7 +404,10 @@ impl Campaign {
         self.simulator.validate(source)?;
         match &self.kind {
             Kind::Gears(sections) => sections.validate(source, self.is_external())?,
-            Kind::External(sections) => sections.validate(source, &self.sampling.objective)?,
+            Kind::External(sections) => {
+                sections.validate(source, &self.sampling.objective)?;
+                sections.validate_read(source, &self.simulator.read)?;
+            }
         }
         self.validate_approaches(source)?;
         if let Some(enrichment) = &self.enrichment {

@@ -1,7 +1,7 @@
 //! The sections of a campaign with `kind = "external"`: its problem is stated in the file and
 //! simulated by a program of the user's.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::validate::Source;
 use super::{
     Combination, ConstraintSection, CorrelationSection, FileError, Objective, RandomSection,
-    ResponseSection, Sampling, Verify,
+    ResponseSection, ResultLine, Sampling, Verify,
 };
 use crate::quantity::Quantity;
 
@@ -285,6 +285,31 @@ impl ExternalSections {
         let combination = objective.response.as_ref();
         combination.map_or(Ok(()), |of| {
             of.validate(source, "objective.response", &self.responses)
+        })
+    }
+
+    /// Checks that the result file tells every response, and nothing else, if its lines are described.
+    pub(super) fn validate_read(
+        &self,
+        source: Source<'_>,
+        read: &BTreeMap<String, ResultLine>,
+    ) -> Result<(), FileError> {
+        let limits = self.constraints.iter().filter(|one| one.measure.is_none());
+        let limits = limits.map(|one| &*one.name);
+        let responses = self.responses.iter().map(|one| &*one.name);
+        let names: BTreeSet<&str> = responses.chain(limits).collect();
+        let lacks = names.iter().find(|name| !read.contains_key(**name));
+        if let (false, Some(lacks)) = (read.is_empty(), lacks) {
+            let expected = "given, as the place of every response is";
+            return Err(source.missing(&format!("simulator.read.{lacks}"), expected));
+        }
+        let unknown = read
+            .keys()
+            .find(|name| !names.contains(&***name) && *name != "refused");
+        unknown.map_or(Ok(()), |name| {
+            let known = names.into_iter().collect::<Vec<_>>().join(", ");
+            let key = format!("simulator.read.{name}");
+            Err(source.refuse(&key, name, &format!("one of the responses: {known}")))
         })
     }
 

@@ -8,7 +8,7 @@ use super::FileError;
 use super::validate::Source;
 
 /// `[doe]`
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Doe {
     /// Number n of designs.
@@ -16,6 +16,14 @@ pub struct Doe {
     /// The kind of design.
     #[serde(default)]
     pub method: doe::Method,
+    /// Designs of one's own, each a list of the variables that are not fixed, in their order. They are the first designs,
+    /// and the searches of the baseline begin at them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<Vec<f64>>,
+    /// A CSV file with these designs in the place of `points`, relative to the folder of the campaign file: a column for
+    /// each of the variables.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub table: Option<String>,
 }
 
 /// `[optimise]`: the settings of CMA-ES.
@@ -79,7 +87,24 @@ impl Doe {
             doe::Method::Sobol => doe::SOBOL_POINTS as u32,
             _ => 100_000,
         };
-        source.count("doe.designs", self.designs, 2, most)
+        source.count("doe.designs", self.designs, 2, most)?;
+        if let Some(table) = &self.table {
+            let expected = "absent beside doe.points, which are the designs themselves";
+            source.require(self.points.is_empty(), "doe.table", table, expected)?;
+        }
+        source.require(
+            self.points.len() <= self.designs as usize,
+            "doe.points",
+            self.points.len(),
+            &format!("at most doe.designs, {}", self.designs),
+        )?;
+        let is_own = self.table.is_some() || !self.points.is_empty();
+        source.require(
+            self.method != doe::Method::Sobol || !is_own,
+            "doe.method",
+            self.method,
+            "\"maximin\" or \"random\" beside designs of one's own, which do not continue a Sobol sequence",
+        )
     }
 }
 

@@ -6,8 +6,8 @@ use std::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FileError;
 use super::validate::Source;
+use super::{FileError, ResultLine};
 
 /// The kind of simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -36,6 +36,10 @@ pub struct SimulatorSection {
     pub template: Option<String>,
     /// The name of the result file, given with `template`.
     pub result: Option<String>,
+    /// Where each response stands in a result file that is neither lines of `name = value` nor JSON, by the responses'
+    /// names. A line of `refused` is the reason for which a design cannot be simulated.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub read: BTreeMap<String, ResultLine>,
     /// Seconds that the program may take for one answer; 600 if absent.
     pub timeout_s: Option<f64>,
     /// Number of processors that one call of the program uses; 1 if absent. `run` computes fewer jobs at once, and the
@@ -139,6 +143,9 @@ impl SimulatorSection {
         for (key, text) in [("command", &self.command), ("result", &self.result)] {
             let is_blank = text.as_ref().is_some_and(|text| text.trim().is_empty());
             source.require(!is_blank, &format!("simulator.{key}"), "", "not empty")?;
+        }
+        for (name, place) in &self.read {
+            place.validate(source, &format!("simulator.read.{name}"))?;
         }
         if let Some(model) = &self.um_bridge {
             let key = "simulator.um_bridge.servers";

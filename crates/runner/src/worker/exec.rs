@@ -15,6 +15,8 @@ mod object;
 mod output;
 mod process;
 mod program;
+mod results;
+mod slot;
 #[cfg(test)]
 mod tests;
 mod trial;
@@ -42,6 +44,7 @@ use fault::{Fault, PAUSES, patiently};
 use files::Kept;
 use messages::{Answer, Content, Description, Numbers};
 use program::Program;
+use slot::Slots;
 pub use trial::{Trial, trial};
 
 /// Pause before a program that fails on every question of the model digest is asked again.
@@ -193,6 +196,7 @@ pub(crate) struct Programs {
     version: OnceLock<String>,
     /// Number of programs that were started.
     started: AtomicUsize,
+    slots: Slots,
     stop: Arc<AtomicBool>,
     /// Number of sessions, each of which may hold a process.
     sessions: AtomicUsize,
@@ -221,6 +225,7 @@ impl Backend {
                 idle: Mutex::new(Vec::new()),
                 version: OnceLock::new(),
                 started: AtomicUsize::new(0),
+                slots: Slots::default(),
                 stop: Arc::new(AtomicBool::new(false)),
                 sessions: AtomicUsize::new(0),
                 has_answered: AtomicBool::new(false),
@@ -385,7 +390,8 @@ impl Session<'_> {
         let stop = Arc::clone(&self.programs.stop);
         let number = self.programs.started.fetch_add(1, Ordering::Relaxed);
         let of = (&self.problem.campaign().simulator, number);
-        let process = Program::start(&self.programs.exec, of, stop, &self.programs.kept)?;
+        let slot = self.programs.slots.take();
+        let process = Program::start(&self.programs.exec, of, slot, stop, &self.programs.kept)?;
         *self.process.borrow_mut() = Some(process);
         let request = messages::describe(self.problem).map_err(Fault::Program)?;
         let timeout = self.programs.exec.timeout.max(START);

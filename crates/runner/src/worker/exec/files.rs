@@ -11,14 +11,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use std::{fs, io};
 
+use problem::file::ResultLine;
 use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::fault::Fault;
-use super::messages::{Numbers, PROTOCOL, Request, number};
-use super::object::Object;
+use super::messages::{Numbers, PROTOCOL, Request};
 use super::output::Line;
 use super::process::Process;
+use super::results::Results;
 
 /// The name of a sample's seed in a template.
 const SEED: &str = "seed";
@@ -35,6 +36,8 @@ pub(super) struct Files {
     /// The text of the template, and the name of its file.
     template: (String, OsString),
     result: PathBuf,
+    /// Where each response stands in the result file, if the campaign says so.
+    read: BTreeMap<String, ResultLine>,
     /// The campaign's names of the sampled responses.
     sampled: Vec<String>,
     stop: Arc<AtomicBool>,
@@ -59,20 +62,12 @@ impl Kept {
     }
 }
 
-/// The content of a result file.
-#[derive(Debug, PartialEq)]
-enum Results {
-    Numbers(Numbers),
-    /// The design is not simulable: a short name and a sentence.
-    Refused(String),
-}
-
 impl Files {
     /// Creates a program that runs this command in this environment, with a template of its input file.
     pub(super) fn new(
         (command, environment): (&str, &[(String, String)]),
         path: &Path,
-        result: &Path,
+        (result, read): (&Path, &BTreeMap<String, ResultLine>),
         stop: Arc<AtomicBool>,
         kept: &Arc<Kept>,
     ) -> Result<Self, Fault> {
@@ -89,6 +84,7 @@ impl Files {
             environment: environment.to_vec(),
             template: (text, name.to_owned()),
             result: result.to_owned(),
+            read: read.clone(),
             sampled: Vec::new(),
             stop,
             kept: Arc::clone(kept),
@@ -151,7 +147,18 @@ impl Files {
             return Err(format!("the template {file} has no {{{lacks}}}, {what}"));
         }
         let result = self.result.as_os_str().as_encoded_bytes();
-        let parts = [self.command.as_bytes(), text.as_bytes(), result].concat();
+        let read = if self.read.is_empty() {
+            String::new()
+        } else {
+            json!(self.read).to_string()
+        };
+        let parts = [
+            self.command.as_bytes(),
+            text.as_bytes(),
+            result,
+            read.as_bytes(),
+        ]
+        .concat();
         let digest: String = Sha256::digest(parts)
             .iter()
             .take(8)
@@ -216,27 +223,14 @@ impl Files {
     /// Reads the `wanted` numbers, or the reason for a refusal, from the result file.
     fn read_result(&self, folder: &Path, wanted: &[String]) -> Result<Map<String, Value>, String> {
         let file = self.result.display();
-        let text = fs::read_to_string(folder.join(&self.result))
+        let bytes = fs::read(folder.join(&self.result))
             .map_err(|error| format!("the command has left no readable {file}: {error}"))?;
-        let numbers = match results(&text).map_err(|why| format!("{file}{why}"))? {
-            Results::Refused(reason) => {
-                return Ok(Map::from_iter([("refused".to_owned(), reason.into())]));
-            }
-            Results::Numbers(numbers) => numbers,
-        };
-        let number = |name: &String| match numbers.get(name) {
-            Some(number) if number.is_finite() => Ok((name.clone(), json!(number))),
-            // JSON has no such number.
-            Some(number) => Ok((name.clone(), json!(number.to_string()))),
-            None => {
-                let names: Vec<&str> = numbers.keys().map(String::as_str).collect();
-                Err(format!(
-                    "{file} has no {name:?}; it has: {}",
-                    names.join(", ")
-                ))
-            }
-        };
-        wanted.iter().map(number).collect()
+        // Whatever other encoding the text has, numbers are plain.
+        let text = String::from_utf8_lossy(&bytes);
+        let results = Results::read(&text, &self.read, wanted);
+        results
+            .and_then(|results| results.answer(wanted))
+            .map_err(|why| format!("{file}{why}"))
     }
 
     /// Runs the command in `folder` to its end. Its output is quoted in an error.
@@ -291,98 +285,9 @@ fn small(seed: [u32; 4]) -> u32 {
     1 + ((mixed >> 33) as u32) % (i32::MAX as u32)
 }
 
-/// Reads lines of `name = value`, or a JSON object.
-///
-/// # Errors
-///
-/// The part of a sentence after the file's name: the line and the error.
-fn results(text: &str) -> Result<Results, String> {
-    const REFUSED: &str = "refused";
-    if text.trim_start().starts_with('{') {
-        let read: Object =
-            serde_json::from_str(text).map_err(|error| format!(" is no JSON object: {error}"))?;
-        read.check().map_err(|doubled| format!(": {doubled}"))?;
-        let mut object = read.map;
-        if let Some(Value::String(reason)) = object.remove(REFUSED) {
-            return Ok(Results::Refused(reason));
-        }
-        let number = |(name, value): (String, Value)| match number(&value) {
-            Some(number) => Ok((name, number)),
-            None => Err(format!(": {name} is {value}, which is not a number")),
-        };
-        return object
-            .into_iter()
-            .map(number)
-            .collect::<Result<_, _>>()
-            .map(Results::Numbers);
-    }
-    let mut numbers = BTreeMap::new();
-    for (number, line) in text.lines().enumerate() {
-        let line = line.trim();
-        if line.is_empty() || line.starts_with('#') {
-            continue;
-        }
-        let parsed = line.split_once('=').and_then(|(name, value)| {
-            let (name, value) = (name.trim(), value.trim());
-            if name == REFUSED {
-                return Some(Err(value.to_owned()));
-            }
-            // Fortran writes the exponent as in 1.0D-3.
-            let number = value.replace(['D', 'd'], "e").parse().ok()?;
-            Some(Ok((name.to_owned(), number)))
-        });
-        match parsed {
-            Some(Ok((name, value))) => {
-                let line_number = number + 1;
-                if numbers.contains_key(&name) {
-                    return Err(format!(", line {line_number}: {name} has a value already"));
-                }
-                numbers.insert(name, value);
-            }
-            Some(Err(reason)) => return Ok(Results::Refused(reason)),
-            None => {
-                let line_number = number + 1;
-                return Err(format!(
-                    ", line {line_number}: {line:?} is not of the form name = number"
-                ));
-            }
-        }
-    }
-    Ok(Results::Numbers(numbers))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn results_are_lines_or_an_object() {
-        let numbers = |pairs: &[(&str, f64)]| {
-            let pairs = pairs
-                .iter()
-                .map(|(name, value)| ((*name).to_owned(), *value));
-            Ok(Results::Numbers(pairs.collect()))
-        };
-        let refused = Ok(Results::Refused("no-mesh: it tears".to_owned()));
-        assert_eq!(
-            results("# a comment\n\n y = 1.5\nz=-2.0D-3\n"),
-            numbers(&[("y", 1.5), ("z", -2e-3)])
-        );
-        assert_eq!(results(" {\"y\": 3}"), numbers(&[("y", 3.0)]));
-        assert_eq!(results("refused = no-mesh: it tears"), refused);
-        assert_eq!(results("{\"refused\": \"no-mesh: it tears\"}"), refused);
-        for (text, why) in [
-            ("y = 1\nz 2", ", line 2: \"z 2\" is not of the form"),
-            ("y = one", ", line 1: "),
-            ("y = 1\n\ny = 2", ", line 3: y has a value already"),
-            ("{\"y\": \"one\"}", ": y is \"one\", which is not a number"),
-            ("{\"y\": ", " is no JSON object: EOF"),
-            ("{\"y\": 1, \"y\": 2}", ": it has \"y\" more than once"),
-        ] {
-            let error = results(text).unwrap_err();
-            assert!(error.starts_with(why), "{text}: {error}");
-        }
-    }
 
     #[test]
     fn every_word_of_a_seed_counts() {

@@ -11,6 +11,7 @@ use super::fault::Fault;
 use super::files::{Files, Kept};
 use super::messages;
 use super::process::Process;
+use super::slot::Slot;
 use super::um_bridge::UmBridge;
 use super::{Exec, Interface};
 
@@ -23,7 +24,12 @@ pub(super) struct Program {
     id: u64,
     /// The last request, for messages.
     line: String,
+    /// Given back when the program has ended, so the last field.
+    _slot: Slot,
 }
+
+/// The variable with the number, from 0, of a program among those that its worker runs at the same time.
+const SLOT: &str = "CAMPAIGN_SLOT";
 
 #[derive(Debug)]
 enum Kind {
@@ -45,10 +51,13 @@ impl Program {
     pub(super) fn start(
         exec: &Exec,
         (section, number): (&SimulatorSection, usize),
+        slot: Slot,
         stop: Arc<AtomicBool>,
         kept: &Arc<Kept>,
     ) -> Result<Self, Fault> {
-        let environment = &exec.environment;
+        let mut environment = exec.environment.clone();
+        environment.push((SLOT.to_owned(), slot.number.to_string()));
+        let environment = &environment;
         let kind = match &exec.interface {
             Interface::Lines(command) => Kind::Lines(Process::start(command, environment, stop)?),
             Interface::Files {
@@ -57,6 +66,7 @@ impl Program {
                 result,
             } => {
                 let command = (&**command, &**environment);
+                let result = (&**result, &section.read);
                 Kind::Files(Files::new(command, template, result, stop, kept)?)
             }
             Interface::UmBridge(servers) => {
@@ -68,6 +78,7 @@ impl Program {
             kind,
             id: 0,
             line: String::new(),
+            _slot: slot,
         })
     }
 
