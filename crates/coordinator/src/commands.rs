@@ -12,7 +12,7 @@ use problem::formulation::Problem;
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;
-use results::{comparison, export, pair_file, report, status};
+use results::{comparison, export, pair_file, report, snapshot, status};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::coordinator::serving::Port;
@@ -258,7 +258,7 @@ async fn require_own_report(
     // with the better message.
     if let Ok(store) = Store::open_read_only(db).await {
         let row = store.campaign().await?;
-        let stored = Campaign::parse("the store's campaign file", &row.file_text);
+        let stored = Campaign::stored(&row.file_text);
         lineages.extend(stored.map(|stored| stored.lineage()));
         store.close().await?;
     }
@@ -346,9 +346,8 @@ fn code_of_finished(status: &Status) -> u8 {
 
 async fn write_report(arguments: arguments::Report) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
-    let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
-    OutputFolder(&arguments.out).require_own_report(&[campaign.lineage()])?;
+    let problem = snapshot::problem(&store).await?;
+    OutputFolder(&arguments.out).require_own_report(&[problem.campaign().lineage()])?;
     let labels = runner::coordinator::provenance::labels();
     let report = report::write(&store, &arguments.out, &labels).await?;
     print(&format!("{}\n", report.display()))?;

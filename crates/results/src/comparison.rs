@@ -6,7 +6,6 @@ mod remarks;
 use anyhow::Context as _;
 use gear::paper::printed::{ACCURATE_SAMPLES, Place};
 use gear::paper::readings::{Reading, Score, readings};
-use problem::Campaign;
 use problem::formulation::Problem;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -15,6 +14,7 @@ use store::{DesignRow, Store};
 
 use crate::optima::VerifiedOptimum;
 use crate::report::{PaperFigures, Report, approach_name, paper, statistics};
+use crate::snapshot;
 use crate::table::SCHEMA_VERSION;
 
 /// A campaign beside the paper.
@@ -121,8 +121,8 @@ impl PaperComparison {
 ///
 /// The store cannot be read, or its campaign does not compare itself with the paper.
 pub async fn compare(store: &Store) -> anyhow::Result<PaperComparison> {
-    let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let problem = snapshot::problem(store).await?;
+    let campaign = problem.campaign();
     anyhow::ensure!(
         campaign.compares_with_paper(),
         "campaign {} does not compare itself with the paper: set report.compare_with_paper",
@@ -139,7 +139,6 @@ pub async fn compare(store: &Store) -> anyhow::Result<PaperComparison> {
         .into_par_iter()
         .map(|reading| reading.fitted(seed).score(&doe, seed))
         .collect();
-    let problem = Problem::new(campaign);
     let gears = problem.gears().context("the paper designs gears")?;
     let input = gears.pair_input(&design(Place::Figure(7)));
     let own = Reading {

@@ -161,6 +161,6 @@ impl Snapshot {
 /// The store cannot be read, or its campaign file cannot.
 pub async fn problem(store: &Store) -> anyhow::Result<Problem> {
     let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let campaign = Campaign::stored(&row.file_text)?;
     Ok(Problem::new(campaign))
 }

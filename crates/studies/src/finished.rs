@@ -31,7 +31,7 @@ pub struct FeasibleOptimum {
 pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Problem> {
     let stored = store.campaign().await?;
     if stored.digest != campaign.digest() {
-        let changes = Campaign::parse("the store's campaign file", &stored.file_text)
+        let changes = Campaign::stored(&stored.file_text)
             .map_or_else(|_| Vec::new(), |stored| campaign.changes_from(&stored));
         return Err(store::Error::other_campaign(
             store.path(),

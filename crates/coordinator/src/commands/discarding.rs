@@ -33,7 +33,7 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
     let held = Store::open_read_only(&arguments.db).await?;
     let row = held.campaign().await?;
     held.close().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let campaign = Campaign::stored(&row.file_text)?;
     let store = server::open_store(&Problem::new(campaign), &row.file_text, &arguments.db).await?;
     let removed = store.discard(&what, !arguments.yes).await;
     store.close().await?;

@@ -220,7 +220,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
     let row = held.campaign().await?;
     held.close().await?;
     let missing_shards = fitting(&parts, &row.digest, &arguments.db)?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let campaign = Campaign::stored(&row.file_text)?;
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &row.file_text, &arguments.db).await?;
     let stored = store_parts(&problem, &store, &parts).await;

@@ -326,7 +326,7 @@ impl Site {
         {
             return Ok(Arc::clone(problem));
         }
-        let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+        let campaign = Campaign::stored(&row.file_text)?;
         let problem = Arc::new(Problem::new(campaign));
         *work = Work {
             problem: Some((row.digest, Arc::clone(&problem))),
