@@ -373,15 +373,16 @@ impl Site {
             };
             let run = OptimiserRun {
                 start: start as usize + 1,
-                best: search.history,
+                finished: false,
+                history: search.history,
                 restarts: Vec::new(),
             };
-            runs.insert((approach, run.start), (run, false));
+            runs.insert((approach, run.start), run);
         }
         for row in rows {
             let run = OptimiserRun::read(&problem, &row)?;
             if let Some((approach, _)) = names::approach_and_start(row.stream) {
-                runs.insert((approach, run.start), (run, true));
+                runs.insert((approach, run.start), run);
             }
         }
         in_background(move || views::convergence(&problem, runs)).await

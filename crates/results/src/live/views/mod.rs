@@ -14,9 +14,9 @@ use serde::Serialize;
 
 pub use best::{Best, BestDesign, BestOfDoe, best, of_optimum};
 pub use chart::Chart;
-pub use convergence::{ApproachRuns, Convergence, Run, convergence};
+pub use convergence::{ApproachRuns, Convergence, convergence};
 pub use responses::{Coordinate, Map, Point, Responses, map, responses};
-pub use rounds::{Round, Rounds, rounds};
+pub use rounds::{Rounds, rounds};
 
 /// The version of all views except the status, which has its own.
 pub const SCHEMA_VERSION: u32 = 1;

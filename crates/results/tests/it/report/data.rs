@@ -424,7 +424,8 @@ fn run(approach: usize, start: usize) -> OptimiserRun {
     }
     OptimiserRun {
         start,
-        best: history,
+        finished: true,
+        history,
         restarts: vec![6000],
     }
 }
