@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use stages::optima::NoOptimum;
 use stages::stage::Stage;
 
+pub(crate) use self::reading::of;
 pub use self::reading::read;
 use crate::estimate::Estimate;
 use crate::optima::VerifiedLimit;
