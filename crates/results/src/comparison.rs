@@ -15,7 +15,6 @@ use store::{DesignRow, Store};
 use crate::optima::VerifiedOptimum;
 use crate::report::{PaperFigures, Report, approach_name, paper, statistics};
 use crate::snapshot;
-use crate::table::SCHEMA_VERSION;
 
 /// A campaign beside the paper.
 pub struct PaperComparison {
@@ -29,8 +28,6 @@ pub struct PaperComparison {
 /// The comparison for programs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ComparisonSummary {
-    /// Version of this object's form.
-    pub schema_version: u32,
     pub campaign: String,
     /// Digest of all samples.
     pub samples_digest: String,
@@ -105,7 +102,6 @@ impl PaperComparison {
         };
         let snapshot = &self.report.snapshot;
         ComparisonSummary {
-            schema_version: SCHEMA_VERSION,
             campaign: snapshot.campaign.name.clone(),
             samples_digest: snapshot.samples_digest.clone(),
             reading: reading(&self.own),

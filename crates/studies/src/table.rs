@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Context as _;
 use problem::GearCriteria;
 use results::number::estimate;
-use results::table::{Cell, SCHEMA_VERSION, Table};
+use results::table::{Cell, Table};
 use serde_json::{Map, Value, json};
 use stats::Verified;
 
@@ -57,7 +57,6 @@ impl Document {
         let tables = self.tables.iter();
         let tables = tables.map(|(name, table)| ((*name).to_owned(), table.json()));
         json!({
-            "schema_version": SCHEMA_VERSION,
             "folder": out.display().to_string(),
             "tables": tables.collect::<Map<_, _>>(),
         })
@@ -129,7 +128,6 @@ mod tests {
             tables: vec![("t", table)],
         };
         let expected = json!({
-            "schema_version": 1,
             "folder": "out",
             "tables": {"t": [{"source": "x|y", "b": 1.5}]},
         });

@@ -9,7 +9,7 @@ use problem::formulation::Problem;
 use problem::task::{self, Output, Run, Source};
 use problem::{Approach, Campaign, optimise};
 use rand::RngExt as _;
-use results::table::SCHEMA_VERSION;
+use results::table::Versioned;
 use runner::exit::{self, ProgramError};
 use runner::worker::{Trial, trial};
 use serde::Serialize;
@@ -25,7 +25,6 @@ use runner::cpu::thread_seconds;
 /// The plan of a campaign.
 #[derive(Serialize)]
 struct Plan {
-    schema_version: u32,
     file: String,
     campaign: String,
     seed: u64,
@@ -189,7 +188,6 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     let refused = trial.and_then(|trial| refused(&trial));
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
-        schema_version: SCHEMA_VERSION,
         file,
         campaign: campaign.name.clone(),
         seed: campaign.seed,
@@ -212,7 +210,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             .chain(refused)
             .collect(),
     };
-    print_either(arguments.json, &plan, || describe(&plan))?;
+    print_either(arguments.json, &Versioned::new(&plan), || describe(&plan))?;
     Ok(match plan.nothing_to_sample {
         None => exit::OK,
         Some(_) => exit::NOT_SIMULABLE,

@@ -2,7 +2,7 @@
 
 use problem::Campaign;
 use problem::formulation::Problem;
-use results::table::SCHEMA_VERSION;
+use results::table::Versioned;
 use runner::coordinator::server;
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
@@ -14,7 +14,6 @@ use crate::arguments;
 
 #[derive(Serialize)]
 struct Removal {
-    schema_version: u32,
     /// Whether the results were removed, not only counted.
     removed: bool,
     samples: u64,
@@ -44,14 +43,15 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
         runs,
     } = removed?;
     let removal = Removal {
-        schema_version: SCHEMA_VERSION,
         removed: arguments.yes,
         samples,
         criteria,
         evaluations,
         runs,
     };
-    print_either(arguments.json, &removal, || describe(&what, &removal))?;
+    print_either(arguments.json, &Versioned::new(&removal), || {
+        describe(&what, &removal)
+    })?;
     Ok(exit::OK)
 }
 

@@ -13,6 +13,7 @@ use crate::optima::Optima;
 use crate::report::{self, OptimiserRun};
 use crate::running::Running;
 use crate::status::{self, Status};
+use crate::table::{SCHEMA_VERSION, Versioned};
 use axum::body::Bytes;
 use problem::formulation::Problem;
 use problem::{Approach, Campaign};
@@ -240,7 +241,7 @@ impl Site {
             return Some(Body::clone(&body));
         }
         let (responses, _) = self.responses.get()?;
-        views::map(&responses, x, y).map(|map| Body::of(&map))
+        views::map(&responses, x, y).map(Body::of_view)
     }
 
     /// A receiver of the changes of the status.
@@ -404,7 +405,7 @@ impl Site {
 async fn in_background<V: Serialize>(
     make: impl FnOnce() -> V + Send + 'static,
 ) -> anyhow::Result<Body> {
-    let made = tokio::task::spawn_blocking(move || Body::of(&make())).await;
+    let made = tokio::task::spawn_blocking(move || Body::of_view(make())).await;
     Ok(made?)
 }
 
@@ -412,13 +413,18 @@ async fn in_background<V: Serialize>(
 fn of_status(view: View) -> Option<fn(&Status) -> Body> {
     match view {
         View::Status => Some(Body::of),
-        View::Workers => Some(|status| Body::of(&views::workers(status))),
-        View::Failures => Some(|status| Body::of(&views::failures(status))),
+        View::Workers => Some(|status| Body::of_view(views::workers(status))),
+        View::Failures => Some(|status| Body::of_view(views::failures(status))),
         View::Best | View::Responses | View::Convergence | View::Rounds => None,
     }
 }
 
 impl Body {
+    /// A view, with the version that all have except the status, which has its own.
+    fn of_view(view: impl Serialize) -> Self {
+        Self::of(&Versioned::new(view))
+    }
+
     pub(crate) fn of(view: &impl Serialize) -> Self {
         match serde_json::to_string(view) {
             Ok(json) => Self::new(json, true),
@@ -427,8 +433,7 @@ impl Body {
     }
 
     fn error(error: &str) -> Self {
-        let schema_version = views::SCHEMA_VERSION;
-        let json = serde_json::json!({ "schema_version": schema_version, "error": error });
+        let json = serde_json::json!({ "schema_version": SCHEMA_VERSION, "error": error });
         Self::new(json.to_string(), false)
     }
 

@@ -6,13 +6,12 @@ use crate::report::{OptimiserRun, charts};
 use problem::formulation::Problem;
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION};
+use super::Chart;
 use crate::number::rounded;
 
 /// All runs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Convergence {
-    pub schema_version: u32,
     /// The approaches with a run, in the order of the campaign's tables.
     pub approaches: Vec<ApproachRuns>,
 }
@@ -41,7 +40,6 @@ pub fn convergence(
     let with_runs =
         with_runs.filter_map(|approach| Some((approach, by_approach.remove(&approach)?)));
     Convergence {
-        schema_version: SCHEMA_VERSION,
         approaches: with_runs
             .map(|(approach, runs)| of_approach(problem.approach_name(approach), runs))
             .collect(),

@@ -3,13 +3,12 @@
 use crate::report::{Enrichment, EnrichmentRound, charts};
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION};
+use super::Chart;
 use crate::number::rounded;
 
 /// All rounds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Rounds {
-    pub schema_version: u32,
     /// Whether the campaign has an enrichment.
     pub enriches: bool,
     /// Why the enrichment ended, in a sentence; empty while it continues.
@@ -53,7 +52,6 @@ pub fn rounds(enrichment: Option<&Enrichment>, measure: &str) -> Rounds {
         prediction.into_iter().chain(gain).collect()
     });
     Rounds {
-        schema_version: SCHEMA_VERSION,
         enriches: enrichment.is_some(),
         stop: enrichment.map_or_else(String::new, |enrichment| enrichment.stop.clone()),
         rounds: rounds.to_vec(),
