@@ -286,7 +286,7 @@ impl Status {
             Some(enrichment) if self.stage == Stage::Enrich => {
                 format!("enrichment round {}", enrichment.round)
             }
-            _ => self.stage.name().to_owned(),
+            _ => self.stage.to_string(),
         }
     }
 

@@ -45,7 +45,7 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     if !status.finished {
         return Err(UnfinishedCampaign {
             store: store.path().display().to_string(),
-            stage: status.stage.name().to_owned(),
+            stage: status.stage.to_string(),
         }
         .into());
     }

@@ -129,7 +129,7 @@ async fn plan_store(
         let labels = runner::coordinator::provenance::labels();
         let report = report::write(store, report, &labels).await?;
         return Ok(PlanResult {
-            stage: Stage::Done.name().to_owned(),
+            stage: Stage::Done.to_string(),
             shards: Vec::new(),
             units: 0,
             report: Some(report),

@@ -6,6 +6,7 @@
 //! of a processor.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -38,7 +39,8 @@ const IDLE_SHARE: u32 = 20;
 pub type Ask = Box<dyn Fn() -> Running + Send + Sync>;
 
 /// A view of the campaign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum View {
     /// The object that `coordinator status --json` prints.
     Status,
@@ -66,19 +68,12 @@ impl View {
         Self::Convergence,
         Self::Rounds,
     ];
+}
 
-    /// The name in the view's address, as in `/api/v1/status`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Status => "status",
-            Self::Workers => "workers",
-            Self::Failures => "failures",
-            Self::Best => "best",
-            Self::Responses => "responses",
-            Self::Convergence => "convergence",
-            Self::Rounds => "rounds",
-        }
+/// The name in the view's address, as in `/api/v1/status`.
+impl fmt::Display for View {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 

@@ -160,14 +160,14 @@ async fn every_stage_says_how_far_it_is() {
     let stages: Vec<_> = status
         .stages
         .iter()
-        .map(|stage| (stage.name.name(), &*stage.state, (stage.done, stage.wanted)))
+        .map(|stage| (stage.name, &*stage.state, (stage.done, stage.wanted)))
         .collect();
     let expected = [
-        ("doe", "current", (0, 3000)),
-        ("sample", "ahead", (0, 90_000)),
-        ("fit", "ahead", (0, 1)),
-        ("optimise", "ahead", (0, status.optimiser_runs.wanted)),
-        ("verify", "ahead", (0, 4 * 4000)),
+        (Stage::Doe, "current", (0, 3000)),
+        (Stage::Sample, "ahead", (0, 90_000)),
+        (Stage::Fit, "ahead", (0, 1)),
+        (Stage::Optimise, "ahead", (0, status.optimiser_runs.wanted)),
+        (Stage::Verify, "ahead", (0, 4 * 4000)),
     ];
     assert_eq!(stages, expected);
 }
