@@ -135,7 +135,7 @@ pub struct Progress {
 /// A run of an optimiser that is not finished.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnfinishedRun {
-    /// The approach and the start.
+    /// The name of its job.
     pub name: String,
     /// Evaluations; `wanted` does not count continuations.
     pub evaluations: Progress,

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ledger::StreamId;
+use ledger::{Kind, StreamId};
 use problem::formulation::Problem;
 use stages::names;
 use stages::stage::Stage;
@@ -134,15 +134,12 @@ async fn unfinished_runs(
         .map(|row| row.stream)
         .collect();
     let mut evaluated = store.evaluated().await?;
-    evaluated.retain(|stream, _| !finished.contains(stream));
+    evaluated.retain(|stream, _| stream.kind == Kind::Run && !finished.contains(stream));
     Ok(evaluated
         .into_iter()
-        .filter_map(|(stream, (done, _))| {
-            let (approach, start) = names::approach_and_start(stream)?;
-            Some(UnfinishedRun {
-                name: format!("{} {start}", approach.name()),
-                evaluations: Progress { done, wanted },
-            })
+        .map(|(stream, (done, _))| UnfinishedRun {
+            name: names::stream_name(stream),
+            evaluations: Progress { done, wanted },
         })
         .collect())
 }
