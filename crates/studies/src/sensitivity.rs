@@ -417,12 +417,9 @@ mod tests {
         campaign.verify.samples = Some(200);
         let problem = Problem::new(campaign);
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let gears = problem.gears().unwrap();
-        let pair = gears.pair(&design).unwrap();
         let optimum = FeasibleOptimum {
             approach: Approach::Baseline,
             variables: design.gears(),
-            criteria: gears.pair_criteria(&pair, 1000.0),
             verified: samples::verification(&problem, &design).unwrap(),
         };
         (problem, optimum)
