@@ -9,6 +9,7 @@ use problem::formulation::Problem;
 use problem::task::{self, Output, Run, Source};
 use problem::{Approach, Campaign, optimise};
 use rand::RngExt as _;
+use results::number::duration;
 use results::table::Versioned;
 use runner::exit::{self, ProgramError};
 use runner::worker::{Trial, trial};
@@ -323,15 +324,6 @@ fn describe(plan: &Plan) -> String {
         text += &format!("\nwarning: {warning}\n");
     }
     text
-}
-
-/// A time in words.
-fn duration(seconds: f64) -> String {
-    match seconds {
-        ..120.0 => format!("{seconds:.0} s"),
-        ..7200.0 => format!("{:.0} min", seconds / 60.0),
-        _ => format!("{:.1} h", seconds / 3600.0),
-    }
 }
 
 /// Times on one processor of this machine, measured with a few designs of the campaign.

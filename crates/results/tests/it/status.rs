@@ -150,7 +150,10 @@ async fn few_designs_make_the_number_of_samples_left_uncertain() {
     let live = status.with(running(1)).live.unwrap();
     let factor = live.eta_high_seconds.unwrap() / live.eta_seconds.unwrap();
     // ln² = ln² 1.1 + (1.96 · 0.158)².
-    let expected = 1.1_f64.ln().hypot(1.96 * error / left).exp();
+    let expected = 1.1_f64
+        .ln()
+        .hypot(1.959_963_984_540_054 * error / left)
+        .exp();
     assert!((factor - expected).abs() < 1e-9, "{factor}");
 }
 
