@@ -112,33 +112,43 @@ fn campaign_or_paper(file: Option<&Path>) -> Result<CampaignFile, ProgramError> 
 }
 
 async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
-    let CampaignFile { campaign, text, .. } = campaign_or_paper(arguments.campaign.as_deref())?;
-    viewing::refuse_open(arguments.http)?;
+    let file = arguments.campaign.as_deref();
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(file)?;
     let db = arguments
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
-    let file = arguments.campaign.as_deref();
     let per_call = campaign.simulator.processors();
     let count = arguments.workers.unwrap_or_else(|| {
         let count = u32::from(processors()) / per_call;
         u16::try_from(count.max(1)).unwrap_or(u16::MAX)
     });
-    let workers = local_workers(&campaign, file, &arguments.simulator, count)?;
-    let plan = Plan {
-        out: out_folder(arguments.out, &campaign),
+    let workers = local_workers(&campaign, file, &arguments.how.simulator, count)?;
+    conduct(plan(campaign, text, db, workers, arguments.how)?).await
+}
+
+/// The plan of a campaign without a port.
+fn plan(
+    campaign: Campaign,
+    file_text: String,
+    db: PathBuf,
+    workers: LocalWorkers,
+    how: arguments::RunArguments,
+) -> Result<Plan, Usage> {
+    viewing::refuse_open(how.http)?;
+    Ok(Plan {
+        out: out_folder(how.out, &campaign),
         check_out,
         campaign,
-        file_text: text,
+        file_text,
         db,
         workers,
         port: None,
         keep_serving: false,
-        retry_failed: arguments.retry_failed,
+        retry_failed: how.retry_failed,
         lease: server::LEASE,
-        http: arguments.http,
-    };
-    conduct(plan).await
+        http: how.http,
+    })
 }
 
 fn processors() -> u16 {
@@ -186,26 +196,19 @@ fn local_workers(
 }
 
 async fn serve(arguments: arguments::Serve) -> Result<u8, ProgramError> {
-    let CampaignFile { campaign, text, .. } = campaign_or_paper(Some(&arguments.campaign))?;
-    viewing::refuse_open(arguments.http)?;
+    let file = Some(&*arguments.campaign);
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(file)?;
     let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
-    let file = Some(&*arguments.campaign);
-    let workers = local_workers(&campaign, file, &arguments.simulator, arguments.workers)?;
-    let plan = Plan {
-        out: out_folder(arguments.out, &campaign),
-        check_out,
-        campaign,
-        file_text: text,
-        db: arguments.db,
-        workers,
+    let simulator = &arguments.how.simulator;
+    let workers = local_workers(&campaign, file, simulator, arguments.workers)?;
+    conduct(Plan {
         port: Some(port),
         keep_serving: arguments.keep_serving,
-        retry_failed: arguments.retry_failed,
         lease: Duration::from_secs(arguments.lease),
-        http: arguments.http,
-    };
-    conduct(plan).await
+        ..plan(campaign, text, arguments.db, workers, arguments.how)?
+    })
+    .await
 }
 
 /// The port of the campaign `name`.
