@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use problem::GearCriteria;
 use results::number::estimate;
 use results::table::{Cell, Table};
@@ -61,22 +60,6 @@ impl Document {
             "tables": tables.collect::<Map<_, _>>(),
         })
     }
-}
-
-/// Writes a file into the folder `out`, which is created if need be. The file is never left
-/// half-written.
-///
-/// # Errors
-///
-/// The folder or the file cannot be written.
-pub fn write(out: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    std::fs::create_dir_all(out)
-        .with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let path = out.join(name);
-    let draft = out.join(format!("{name}.part"));
-    std::fs::write(&draft, content)
-        .and_then(|()| std::fs::rename(&draft, &path))
-        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// The columns of [`criteria_cells`].
