@@ -125,8 +125,9 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             match campaign.sampling.precision {
                 None => format!("{n} designs, at most {} samples", n * k),
                 Some(precision) => format!(
-                    "{n} designs, from {k} to {} samples, for {precision} µm",
-                    campaign.sampling.samples_max()
+                    "{n} designs, from {k} to {} samples, for {}",
+                    campaign.sampling.samples_max(),
+                    format!("{precision} {}", problem.measured().unit).trim_end()
                 ),
             },
             sampling,

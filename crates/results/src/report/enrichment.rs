@@ -23,11 +23,11 @@ pub struct Enrichment {
     pub stop: String,
     /// Samples of the DoE that the first round rests on.
     pub doe_samples: u64,
-    /// Verified P90 of the recommended design, µm.
-    pub verified_um: Option<f64>,
+    /// The verified measure of the recommended design.
+    pub verified: Option<f64>,
     /// The 95 % interval in which an estimate from as many verification samples is to be expected, from the
-    /// model's uncertainty and the verification's, µm.
-    pub interval_of_estimate_um: Option<(f64, f64)>,
+    /// model's uncertainty and the verification's.
+    pub interval_of_estimate: Option<(f64, f64)>,
 }
 
 /// One round of infill.
@@ -131,8 +131,8 @@ pub fn rounds(
         tolerance: section.tolerance,
         stop,
         doe_samples: 0,
-        verified_um: verified.map(|verified| verified.value),
-        interval_of_estimate_um: recommendation.zip(verified).and_then(|(best, verified)| {
+        verified: verified.map(|verified| verified.value),
+        interval_of_estimate: recommendation.zip(verified).and_then(|(best, verified)| {
             // Both are uncertain, the model and the verification.
             let (low, high) = verified.interval?;
             let half = best.half_width().hypot(0.5 * (high - low));

@@ -173,7 +173,7 @@ pub async fn of_doe(
             p90: Verified {
                 n: samples,
                 value: response.measure,
-                interval: stats::p90_interval(&estimate, 0.95).ok(),
+                interval: stats::percentile_interval(&estimate, 0.95).ok(),
             },
             verified: None,
             on_front: false,

@@ -133,7 +133,7 @@ fn points_that_cannot_be_shown_are_skipped() {
     let point = |a, b| DoePoint {
         delta_ste_um: a,
         delta_ste_archard_um: b,
-        p90_um: b,
+        measure_um: b,
     };
     let doe = [
         point(1.0, 2.0),
