@@ -112,6 +112,13 @@ pub(crate) struct Run {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
     #[command(flatten)]
+    pub(crate) how: RunArguments,
+}
+
+/// How `run` and `serve` work on a campaign.
+#[derive(Debug, Args)]
+pub(crate) struct RunArguments {
+    #[command(flatten)]
     pub(crate) simulator: SimulatorArguments,
     /// Compute again what failed in every attempt: samples that count as failed, designs, and candidates of
     /// searches
@@ -120,7 +127,8 @@ pub(crate) struct Run {
     /// The folder of the report [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Serve a live page at http://ADDR, such as 127.0.0.1:8080; loopback only
+    /// Serve a live page at http://ADDR, with its data at /api/v1/status and the like, and metrics for
+    /// Prometheus at /metrics; loopback only
     #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
 }
@@ -200,18 +208,7 @@ pub(crate) struct Serve {
         value_parser = clap::value_parser!(u16).range(0..=1024))]
     pub(crate) workers: u16,
     #[command(flatten)]
-    pub(crate) simulator: SimulatorArguments,
-    /// Compute again what failed in every attempt: samples that count as failed, designs, and candidates of
-    /// searches
-    #[arg(long)]
-    pub(crate) retry_failed: bool,
-    /// The folder of the report [default: NAME-report]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Serve a live page at http://ADDR, with its data at /api/v1/status and the like, and metrics for
-    /// Prometheus at /metrics; loopback only
-    #[arg(long, value_name = "ADDR")]
-    pub(crate) http: Option<SocketAddr>,
+    pub(crate) how: RunArguments,
     /// Keep serving when the campaign is finished, until a signal or `drain`
     #[arg(long)]
     pub(crate) keep_serving: bool,

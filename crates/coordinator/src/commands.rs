@@ -12,7 +12,8 @@ use problem::formulation::Problem;
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;
-use results::{comparison, export, pair_file, report, status};
+use results::table::Versioned;
+use results::{comparison, export, pair_file, report, snapshot, status};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::coordinator::serving::Port;
@@ -121,33 +122,43 @@ fn campaign_file(path: &Path) -> Result<CampaignFile, ProgramError> {
 }
 
 async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
-    let CampaignFile { campaign, text, .. } = campaign_or_paper(arguments.campaign.as_deref())?;
-    viewing::refuse_open(arguments.http)?;
+    let file = arguments.campaign.as_deref();
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(file)?;
     let db = arguments
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
-    let file = arguments.campaign.as_deref();
     let per_call = campaign.simulator.processors();
     let count = arguments.workers.unwrap_or_else(|| {
         let count = u32::from(processors()) / per_call;
         u16::try_from(count.max(1)).unwrap_or(u16::MAX)
     });
-    let workers = local_workers(&campaign, file, &arguments.simulator, count)?;
-    let plan = Plan {
-        out: out_folder(arguments.out, &campaign),
+    let workers = local_workers(&campaign, file, &arguments.how.simulator, count)?;
+    conduct(plan(campaign, text, db, workers, arguments.how)?).await
+}
+
+/// The plan of a campaign without a port.
+fn plan(
+    campaign: Campaign,
+    file_text: String,
+    db: PathBuf,
+    workers: LocalWorkers,
+    how: arguments::RunArguments,
+) -> Result<Plan, Usage> {
+    viewing::refuse_open(how.http)?;
+    Ok(Plan {
+        out: out_folder(how.out, &campaign),
         check_out,
         campaign,
-        file_text: text,
+        file_text,
         db,
         workers,
         port: None,
         keep_serving: false,
-        retry_failed: arguments.retry_failed,
+        retry_failed: how.retry_failed,
         lease: server::LEASE,
-        http: arguments.http,
-    };
-    conduct(plan).await
+        http: how.http,
+    })
 }
 
 fn processors() -> u16 {
@@ -195,26 +206,19 @@ fn local_workers(
 }
 
 async fn serve(arguments: arguments::Serve) -> Result<u8, ProgramError> {
-    let CampaignFile { campaign, text, .. } = campaign_or_paper(Some(&arguments.campaign))?;
-    viewing::refuse_open(arguments.http)?;
+    let file = Some(&*arguments.campaign);
+    let CampaignFile { campaign, text, .. } = campaign_or_paper(file)?;
     let port = port(arguments.port, &campaign.name)?;
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
-    let file = Some(&*arguments.campaign);
-    let workers = local_workers(&campaign, file, &arguments.simulator, arguments.workers)?;
-    let plan = Plan {
-        out: out_folder(arguments.out, &campaign),
-        check_out,
-        campaign,
-        file_text: text,
-        db: arguments.db,
-        workers,
+    let simulator = &arguments.how.simulator;
+    let workers = local_workers(&campaign, file, simulator, arguments.workers)?;
+    conduct(Plan {
         port: Some(port),
         keep_serving: arguments.keep_serving,
-        retry_failed: arguments.retry_failed,
         lease: Duration::from_secs(arguments.lease),
-        http: arguments.http,
-    };
-    conduct(plan).await
+        ..plan(campaign, text, arguments.db, workers, arguments.how)?
+    })
+    .await
 }
 
 /// The port of the campaign `name`.
@@ -268,7 +272,7 @@ async fn require_own_report(
     // with the better message.
     if let Ok(store) = Store::open_read_only(db).await {
         let row = store.campaign().await?;
-        let stored = Campaign::parse("the store's campaign file", &row.file_text);
+        let stored = Campaign::stored(&row.file_text);
         lineages.extend(stored.map(|stored| stored.lineage()));
         store.close().await?;
     }
@@ -356,9 +360,8 @@ fn code_of_finished(status: &Status) -> u8 {
 
 async fn write_report(arguments: arguments::Report) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
-    let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
-    OutputFolder(&arguments.out).require_own_report(&[campaign.lineage()])?;
+    let problem = snapshot::problem(&store).await?;
+    OutputFolder(&arguments.out).require_own_report(&[problem.campaign().lineage()])?;
     let labels = runner::coordinator::provenance::labels();
     let report = report::write(&store, &arguments.out, &labels).await?;
     print(&format!("{}\n", report.display()))?;
@@ -388,7 +391,9 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
 async fn compare(arguments: arguments::Compare) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
     let compared = comparison::compare(&store).await?;
-    print_either(arguments.json, &compared.summary(), || compared.page())?;
+    print_either(arguments.json, &Versioned::new(compared.summary()), || {
+        compared.page()
+    })?;
     Ok(exit::OK)
 }
 

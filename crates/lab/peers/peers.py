@@ -82,7 +82,7 @@ def campaign(approach):
         if approach == "enriched-kriging":
             first = max(designs // 5, 2 * problem.dimension)
             text.append(
-                f"[enrichment]\nsamples = {problem.budget}\nrounds = 1000\npoints_per_round = 6\n"
+                f"[enrichment]\nsamples = {problem.budget}\nrounds = 1000\npoints_per_round = 4\n"
                 f"samples_per_point = {SAMPLES}\ntolerance = 0.002"
             )
         elif approach == "direct":

@@ -1,8 +1,28 @@
 //! The columns and cells of typed tables.
 
-/// Version of the JSON of tables, studies and comparisons; raised when a change would make programs misread
+use serde::Serialize;
+
+/// Version of the JSON of tables, views and commands; raised when a change would make programs misread
 /// it.
 pub const SCHEMA_VERSION: u32 = 1;
+
+/// A JSON object with the version of its form in front.
+#[derive(Debug, Serialize)]
+pub struct Versioned<T> {
+    schema_version: u32,
+    #[serde(flatten)]
+    content: T,
+}
+
+impl<T: Serialize> Versioned<T> {
+    /// The content, a struct or a map, in the form of [`SCHEMA_VERSION`].
+    pub const fn new(content: T) -> Self {
+        Self {
+            schema_version: SCHEMA_VERSION,
+            content,
+        }
+    }
+}
 
 /// The kind of a column's values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

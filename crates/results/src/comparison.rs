@@ -6,7 +6,6 @@ mod remarks;
 use anyhow::Context as _;
 use gear::paper::printed::{ACCURATE_SAMPLES, Place};
 use gear::paper::readings::{Reading, Score, readings};
-use problem::Campaign;
 use problem::formulation::Problem;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -15,7 +14,7 @@ use store::{DesignRow, Store};
 
 use crate::optima::VerifiedOptimum;
 use crate::report::{PaperFigures, Report, approach_name, paper, statistics};
-use crate::table::SCHEMA_VERSION;
+use crate::snapshot;
 
 /// A campaign beside the paper.
 pub struct PaperComparison {
@@ -29,8 +28,6 @@ pub struct PaperComparison {
 /// The comparison for programs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ComparisonSummary {
-    /// Version of this object's form.
-    pub schema_version: u32,
     pub campaign: String,
     /// Digest of all samples.
     pub samples_digest: String,
@@ -105,7 +102,6 @@ impl PaperComparison {
         };
         let snapshot = &self.report.snapshot;
         ComparisonSummary {
-            schema_version: SCHEMA_VERSION,
             campaign: snapshot.campaign.name.clone(),
             samples_digest: snapshot.samples_digest.clone(),
             reading: reading(&self.own),
@@ -121,8 +117,8 @@ impl PaperComparison {
 ///
 /// The store cannot be read, or its campaign does not compare itself with the paper.
 pub async fn compare(store: &Store) -> anyhow::Result<PaperComparison> {
-    let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let problem = snapshot::problem(store).await?;
+    let campaign = problem.campaign();
     anyhow::ensure!(
         campaign.compares_with_paper(),
         "campaign {} does not compare itself with the paper: set report.compare_with_paper",
@@ -139,7 +135,6 @@ pub async fn compare(store: &Store) -> anyhow::Result<PaperComparison> {
         .into_par_iter()
         .map(|reading| reading.fitted(seed).score(&doe, seed))
         .collect();
-    let problem = Problem::new(campaign);
     let gears = problem.gears().context("the paper designs gears")?;
     let input = gears.pair_input(&design(Place::Figure(7)));
     let own = Reading {

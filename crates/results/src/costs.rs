@@ -85,7 +85,7 @@ impl Times {
 
 /// Wall time of a stage, s; `None` before it began.
 pub(crate) fn wall_seconds(times: &[StageTimeRow], stage: Stage) -> Option<f64> {
-    let time = times.iter().find(|time| time.stage == stage.name());
+    let time = times.iter().find(|time| time.stage == stage.to_string());
     time.map(|time| time.wall_seconds)
 }
 

@@ -18,6 +18,7 @@ use store::{OriginRow, Store};
 use crate::columns::{squared, statistic};
 use crate::converged::difference_um;
 use crate::optima::Optima;
+use crate::report::EnrichmentRound;
 use crate::table::{Cell, Column, Format, TableWriter};
 use crate::{model, modelling, row, snapshot};
 
@@ -291,23 +292,21 @@ async fn rounds<W: Write + Send>(
     let infill = store.infill().await?;
     for row in store.rounds().await? {
         let round = Round::read(row)?;
-        let row = &round.row;
-        let points = || infill.iter().filter(|point| point.round == row.round);
-        let sampled = points().filter(|point| !point.is_ruled_out());
-        let best = round.recommendation.as_ref();
+        let figures = EnrichmentRound::of(&round, &infill);
+        let known = |value: f64| Some(value).filter(|value| value.is_finite());
         let stop = round.stop.as_ref();
         out.write(&row![
-            row.round + 1,
-            points().count(),
-            sampled.map(|point| point.samples).sum::<u64>(),
-            points().filter(|point| point.has_failed()).count(),
-            points().filter(|point| point.is_ruled_out()).count(),
-            row.expected_improvement,
-            best.map(|best| best.predicted),
-            best.map(|best| best.interval.0),
-            best.map(|best| best.interval.1),
-            row.simulator_calls,
-            row.cpu_seconds,
+            figures.round,
+            figures.new_designs + figures.further_turns,
+            figures.samples,
+            figures.failed,
+            figures.ruled_out,
+            known(figures.expected_improvement),
+            known(figures.predicted),
+            known(figures.low),
+            known(figures.high),
+            round.row.simulator_calls,
+            round.row.cpu_seconds,
             stop.map_or_else(String::new, ToString::to_string),
         ])?;
     }

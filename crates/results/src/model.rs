@@ -3,12 +3,11 @@
 use crate::modelling::{ModelFile, Quantity};
 use anyhow::Context as _;
 use kriging::Surrogate;
-use problem::Campaign;
-use problem::formulation::Problem;
 use stages::fitting::latest_model;
 use store::Store;
 
 use crate::columns::column;
+use crate::snapshot;
 
 /// The model of the measure over the variables that the DoE moves, as the campaign fitted it last: after an
 /// enrichment, to its infill points as well.
@@ -24,8 +23,7 @@ pub async fn stored(store: &Store) -> anyhow::Result<ModelFile> {
         )
     })?;
     let surrogate = Surrogate::from_json(&row.json)?;
-    let file = store.campaign().await?.file_text;
-    let problem = Problem::new(Campaign::parse("the store's campaign file", &file)?);
+    let problem = snapshot::problem(store).await?;
     let inputs: Vec<Quantity> = problem.free_names().map(Quantity::new).collect();
     Ok(ModelFile::new(
         &inputs,

@@ -43,7 +43,7 @@ pub struct VerifiedLimit {
     #[serde(flatten)]
     pub value: Estimate,
     /// The relation that the value must have to the limit, ≤ or ≥.
-    pub relation: String,
+    pub relation: Bound,
     /// The limit.
     pub limit: f64,
     /// Whether the value keeps the limit.
@@ -57,13 +57,12 @@ impl VerifiedLimit {
     fn of(measured: &Measured, samples: &Samples) -> Option<Self> {
         let limit = measured.limit()?;
         let value = measured.verified(samples).ok()?;
-        let relation = measured.relation();
         Some(Self {
             constraint: measured.quantity.name.to_string(),
             measure: measured.title(),
             unit: measured.limit_unit().to_owned(),
             value: value.into(),
-            relation: relation.sign().to_owned(),
+            relation: measured.relation(),
             limit,
             holds: measured.keeps_limit(value.value),
             confidence: measured.confidence(samples),
@@ -80,10 +79,7 @@ impl VerifiedLimit {
     #[must_use]
     pub fn constraint(&self) -> Constraint {
         let (name, unit) = (self.measure.clone(), self.unit.clone());
-        match self.relation == Bound::AtMost.sign() {
-            true => Constraint::at_most(name, unit, self.value.value, self.limit),
-            false => Constraint::at_least(name, unit, self.value.value, self.limit),
-        }
+        Constraint::new(name, unit, self.value.value, self.relation, self.limit)
     }
 
     /// The constraint as a phrase, such as P(stress > 400 MPa) ≤ 0.001.

@@ -1,10 +1,11 @@
 //! The pair file of an optimum, for `coordinator simulate`.
 
 use anyhow::{Context as _, bail};
-use problem::formulation::Problem;
-use problem::{Approach, Campaign, PairFile};
+use problem::{Approach, PairFile};
 use stages::optima;
 use store::Store;
+
+use crate::snapshot;
 
 /// The pair file of the design that `approach` found, which `coordinator simulate` computes with the
 /// campaign's load, material, wear and limits.
@@ -14,8 +15,8 @@ use store::Store;
 /// The store cannot be read, the approach has no design yet, or an external program simulates the
 /// campaign.
 pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<PairFile> {
-    let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let problem = snapshot::problem(store).await?;
+    let campaign = problem.campaign();
     if campaign.is_external() {
         bail!(
             "campaign {} is simulated by an external program: `simulate` computes a pair file with \
@@ -23,7 +24,6 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
             campaign.name
         );
     }
-    let problem = Problem::new(campaign);
     let name = approach.name();
     let optima = optima::stored(store, &problem).await?;
     let Some(optimum) = optima.iter().find(|optimum| optimum.approach == approach) else {
@@ -41,7 +41,7 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
             }
         );
     };
-    let sections = problem.campaign().gears();
+    let sections = campaign.gears();
     let sections = sections.context("a pair file is of gears")?;
     let found = optimum.found_or_sentence();
     let found = found.map_err(|why| anyhow::anyhow!("approach {name} found no design: {why}"))?;

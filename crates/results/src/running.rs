@@ -9,8 +9,8 @@ use stages::searching::Progress;
 
 use crate::number::duration;
 
-/// The deviate of a two-sided 95 % interval.
-const Z95: f64 = 1.96;
+/// The normal deviate of a two-sided 95 % interval.
+pub(crate) const Z95: f64 = 1.959_963_984_540_054;
 
 /// Silence after which a worker no longer counts for the time to go.
 const GONE: Duration = Duration::from_secs(15);

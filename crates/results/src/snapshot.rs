@@ -7,7 +7,7 @@ use kriging::Surrogate;
 use ledger::StreamId;
 use problem::Campaign;
 use problem::formulation::Problem;
-use stages::cost::{infill_calls, sampling_calls};
+use stages::calls;
 use stages::fitting::{ModelSummary, latest_model};
 use stages::stage::Stage;
 use stats::Samples;
@@ -139,10 +139,10 @@ impl Snapshot {
     #[must_use]
     pub fn calls(&self, stage: Stage) -> u64 {
         match stage {
-            Stage::Sample => sampling_calls(&self.criteria, self.samples),
+            Stage::Sample => calls::sampling(&self.problem, &self.criteria, self.samples),
             // An approach that rests on the DoE counts its calls as its own; here they count once.
             Stage::Optimise => self.runs.iter().map(|run| run.simulator_calls).sum(),
-            Stage::Enrich => infill_calls(&self.problem, &self.rounds, &self.infill),
+            Stage::Enrich => calls::infill(&self.problem, &self.rounds, &self.infill),
             Stage::Verify => {
                 let verified = self.optima.iter().filter_map(VerifiedOptimum::samples);
                 let printed = self.printed.values().map(Vec::len);
@@ -161,6 +161,6 @@ impl Snapshot {
 /// The store cannot be read, or its campaign file cannot.
 pub async fn problem(store: &Store) -> anyhow::Result<Problem> {
     let row = store.campaign().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let campaign = Campaign::stored(&row.file_text)?;
     Ok(Problem::new(campaign))
 }

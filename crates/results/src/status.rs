@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use stages::optima::NoOptimum;
 use stages::stage::Stage;
 
+pub(crate) use self::reading::of;
 pub use self::reading::read;
 use crate::estimate::Estimate;
 use crate::optima::VerifiedLimit;
@@ -134,7 +135,7 @@ pub struct Progress {
 /// A run of an optimiser that is not finished.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct UnfinishedRun {
-    /// The approach and the start.
+    /// The name of its job.
     pub name: String,
     /// Evaluations; `wanted` does not count continuations.
     pub evaluations: Progress,
@@ -285,7 +286,7 @@ impl Status {
             Some(enrichment) if self.stage == Stage::Enrich => {
                 format!("enrichment round {}", enrichment.round)
             }
-            _ => self.stage.name().to_owned(),
+            _ => self.stage.to_string(),
         }
     }
 

@@ -7,6 +7,8 @@ use std::fmt;
 use problem::FileError;
 use results::modelling;
 
+use crate::{gateway, worker};
+
 /// The program succeeded.
 pub const OK: u8 = 0;
 /// A failure without a code of its own.
@@ -106,8 +108,8 @@ fn code_within(error: &anyhow::Error) -> u8 {
     let code = error.chain().find_map(|cause| {
         code::<store::Error>(cause)
             .or_else(|| code::<FileError>(cause))
-            .or_else(|| code::<crate::worker::Error>(cause))
-            .or_else(|| code::<crate::gateway::Error>(cause))
+            .or_else(|| code::<worker::Error>(cause))
+            .or_else(|| code::<gateway::Error>(cause))
             .or_else(|| code::<std::io::Error>(cause))
     });
     code.unwrap_or(FAILURE)
@@ -150,6 +152,37 @@ impl HasExitCode for store::Error {
             Self::Locked { .. } | Self::Busy { .. } => STORE_LOCKED,
             Self::Io { .. } | Self::DiskFull { .. } | Self::UnreadLog { .. } => FILE_ACCESS,
             _ => FAILURE,
+        }
+    }
+}
+
+impl HasExitCode for gateway::Error {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Unreachable { .. }
+            | Self::Away { .. }
+            | Self::Gone { .. }
+            | Self::NoAccess { .. } => UNREACHABLE,
+            Self::Refused { .. } | Self::Tls { .. } => REFUSED,
+            Self::SeveralCoordinators { .. } => USAGE,
+            Self::NoFolder
+            | Self::Unreadable { .. }
+            | Self::Exposed { .. }
+            | Self::Malformed { .. }
+            | Self::Write { .. } => FILE_ACCESS,
+            Self::InUse { .. } => CANNOT_LISTEN,
+            Self::Secrets { .. } | Self::InvalidAnswer { .. } | Self::Failed { .. } => FAILURE,
+        }
+    }
+}
+
+impl HasExitCode for worker::Error {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Gateway(error) => error.exit_code(),
+            Self::WrongSimulator { .. } => REFUSED,
+            Self::Machine { .. } => FILE_ACCESS,
+            Self::Program { .. } | Self::Threads { .. } => FAILURE,
         }
     }
 }
@@ -246,7 +279,7 @@ mod tests {
         let error = ProgramError::from(context.unwrap_err());
         assert_eq!(error.code(), FILE_ACCESS);
         assert_eq!(ProgramError::from(full()).code(), FILE_ACCESS);
-        let away = crate::gateway::Error::Unreachable {
+        let away = gateway::Error::Unreachable {
             address: "head:7400".to_owned(),
             reason: "refused".to_owned(),
         };

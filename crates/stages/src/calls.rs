@@ -1,8 +1,10 @@
-//! The calls of an external program that a campaign plans.
+//! The calls of the simulator: those that a campaign plans, and those that it made.
 
 use problem::Approach;
 use problem::formulation::Problem;
+use store::{CriteriaRow, InfillRow, Progress, RoundRow};
 
+use crate::constraints;
 use crate::stage::Stage;
 
 /// The most calls of a stage, if nothing fails and no search has to go on for want of a feasible design.
@@ -30,25 +32,17 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
     let of_design = u64::from(campaign.sampling.samples_max());
     let doe = Calls {
         stage: Stage::Sample,
-        evaluations: designs,
+        evaluations: designs * evaluations(problem),
         samples: designs * of_design,
     };
-    let searched = problem
-        .approaches()
-        .filter(|one| Approach::OPTIMISED.contains(one));
-    let evaluations =
-        u64::from(campaign.optimise.evaluations) * u64::from(campaign.optimise.starts);
-    let mut search = Calls {
+    let of_run = u64::from(campaign.optimise.evaluations);
+    let is_direct = problem.approaches().any(|one| one == Approach::Direct);
+    let directly = u64::from(is_direct) * u64::from(campaign.optimise.starts) * of_run;
+    let search = Calls {
         stage: Stage::Optimise,
-        evaluations: 0,
-        samples: 0,
+        evaluations: problem.optimiser_runs() * of_run,
+        samples: directly * u64::from(campaign.sampling.samples_per_design),
     };
-    for approach in searched {
-        search.evaluations += evaluations;
-        if approach == Approach::Direct {
-            search.samples += evaluations * u64::from(campaign.sampling.samples_per_design);
-        }
-    }
     let infill = campaign.enrichment.map(|section| {
         let least = designs * u64::from(campaign.sampling.samples_per_design);
         let samples = u64::from(section.samples).saturating_sub(least);
@@ -66,6 +60,41 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
     };
     let all = [Some(doe), Some(search), infill, Some(verification)];
     all.into_iter().flatten().collect()
+}
+
+/// The calls that `samples` of the DoE took: the evaluations of its designs, and the samples. A design that cannot be
+/// simulated costs one attempt.
+#[must_use]
+pub fn sampling(problem: &Problem, criteria: &[CriteriaRow], samples: u64) -> u64 {
+    let of_design = |row: &CriteriaRow| match row.simulable {
+        true => evaluations(problem),
+        false => 1,
+    };
+    criteria.iter().map(of_design).sum::<u64>() + samples
+}
+
+/// The calls that the rounds took: the search for points, the evaluations of points whose constraints only
+/// an external program knows, and the samples.
+#[must_use]
+pub fn infill(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u64 {
+    let searching: u64 = rounds.iter().map(|round| round.simulator_calls).sum();
+    let evaluated = infill
+        .iter()
+        .filter(|row| constraints::is_asked(problem, row));
+    let sampled = infill.iter().filter(|row| !row.failed);
+    searching + evaluated.count() as u64 + sampled.map(|row| row.samples).sum::<u64>()
+}
+
+/// The samples of all stages that the store has counted.
+#[must_use]
+pub fn samples(problem: &Problem, progress: &Progress) -> u64 {
+    let of_searches = progress.evaluation_values / problem.sampled().len() as u64;
+    progress.samples + progress.point_samples + of_searches
+}
+
+/// Evaluations of a simulable design: one, and of a gear pair one without wear and one with Archard's.
+fn evaluations(problem: &Problem) -> u64 {
+    1 + u64::from(problem.gears().is_some())
 }
 
 #[cfg(test)]
@@ -88,5 +117,22 @@ mod tests {
         assert_eq!(of(Stage::Optimise), Some((600, 0)));
         assert_eq!(of(Stage::Enrich), None);
         assert_eq!(of(Stage::Verify), Some((0, 3 * 400)));
+    }
+
+    #[test]
+    fn a_design_is_evaluated_once_and_a_gear_pair_in_two_states() {
+        let row = |simulable| CriteriaRow {
+            simulable,
+            ..CriteriaRow::default()
+        };
+        let criteria = [true, false, true].map(row);
+        let calls = |text: &str| {
+            let problem = Problem::new(Campaign::parse("campaign.toml", text).unwrap());
+            sampling(&problem, &criteria, 50)
+        };
+        let cantilever = include_str!("../../../campaigns/cantilever/campaign.toml");
+        assert_eq!(calls(cantilever), 3 + 50);
+        let gears = include_str!("../../../campaigns/quick.toml");
+        assert_eq!(calls(gears), 5 + 50);
     }
 }

@@ -7,7 +7,7 @@ use problem::formulation::{Design, Problem};
 use rayon::prelude::*;
 use store::{CriteriaRow, InfillRow, JobTimeRow, RoundRow};
 
-use crate::constraints;
+use crate::calls;
 use crate::infill::bits;
 use crate::linear::LinearResponse;
 
@@ -19,18 +19,11 @@ pub struct Cost {
     pub cpu_seconds: f64,
 }
 
-/// The calls that `samples` of the DoE took: one unworn analysis per design that can be simulated,
-/// one with Archard's wear, and the samples. Designs that cannot be simulated cost one attempt.
-#[must_use]
-pub fn sampling_calls(criteria: &[CriteriaRow], samples: u64) -> u64 {
-    let simulable = criteria.iter().filter(|row| row.simulable).count() as u64;
-    criteria.len() as u64 + simulable + samples
-}
-
 /// The cost of the DoE's samples, for the approaches that use them; `control_analyses` are those of
 /// its control variates.
 #[must_use]
 pub fn sampling(
+    problem: &Problem,
     criteria: &[CriteriaRow],
     samples: u64,
     control_analyses: u64,
@@ -38,7 +31,7 @@ pub fn sampling(
 ) -> Cost {
     let is_design = |row: &&JobTimeRow| row.stream.kind == Kind::Design;
     Cost {
-        simulator_calls: sampling_calls(criteria, samples) + control_analyses,
+        simulator_calls: calls::sampling(problem, criteria, samples) + control_analyses,
         cpu_seconds: times
             .iter()
             .filter(is_design)
@@ -58,25 +51,13 @@ pub fn enrichment(
     times: &[JobTimeRow],
 ) -> Cost {
     let numbers: BTreeSet<u64> = infill.iter().map(|row| row.number).collect();
-    let calls = infill_calls(problem, rounds, infill) + control_analyses;
+    let calls = calls::infill(problem, rounds, infill) + control_analyses;
     Cost {
         simulator_calls: sampling.simulator_calls + calls,
         cpu_seconds: sampling.cpu_seconds
             + rounds.iter().map(|round| round.cpu_seconds).sum::<f64>()
             + infill_seconds(times, &numbers),
     }
-}
-
-/// The calls that the rounds took: the search for points, the evaluations of points whose constraints only
-/// an external program knows, and the samples.
-#[must_use]
-pub fn infill_calls(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u64 {
-    let searching: u64 = rounds.iter().map(|round| round.simulator_calls).sum();
-    let evaluated = infill
-        .iter()
-        .filter(|row| constraints::is_asked(problem, row));
-    let sampled = infill.iter().filter(|row| !row.failed);
-    searching + evaluated.count() as u64 + sampled.map(|row| row.samples).sum::<u64>()
 }
 
 /// The analyses that the control variates of infill points took.

@@ -21,12 +21,14 @@ pub fn make(problem: &Problem, existing: &[DesignRow]) -> anyhow::Result<Vec<Des
     );
     let n = campaign.doe.designs as usize;
     let own = (0..).zip(&campaign.doe.points);
-    let own: Vec<DesignRow> = own
-        .map(|(design, x)| DesignRow {
-            design,
-            x: x.clone(),
-        })
-        .collect();
+    let own = own.map(|(design, x)| DesignRow {
+        design,
+        x: x.clone(),
+    });
+    let own: Vec<DesignRow> = own.collect();
+    if existing.is_empty() && own.len() == n {
+        return Ok(own);
+    }
     let first = if existing.is_empty() { &own } else { existing };
     let method = campaign.doe.method;
     let design = if first.is_empty() {
@@ -106,7 +108,8 @@ mod tests {
 
     fn problem(method: doe::Method, designs: u32) -> Problem {
         let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
-        campaign.doe = problem::file::Doe { designs, method };
+        campaign.doe.designs = designs;
+        campaign.doe.method = method;
         Problem::new(campaign)
     }
 
@@ -139,6 +142,38 @@ mod tests {
                 assert_eq!(numbers.len(), 2, "{said}");
             }
         }
+    }
+
+    #[test]
+    fn own_designs_come_first_and_stay_when_the_doe_grows() {
+        let own = |designs: u32, count: usize| {
+            let mut campaign = problem(doe::Method::Maximin, designs).campaign().clone();
+            let middle = problem(doe::Method::Maximin, 30).free_point(&[0.5; 6]);
+            campaign.doe.points = (0..count)
+                .map(|number| {
+                    let mut x = middle.clone();
+                    x[0] += 1e-3 * number as f64;
+                    x
+                })
+                .collect();
+            Problem::new(campaign)
+        };
+        let of = |rows: &[DesignRow]| -> Vec<Vec<f64>> {
+            rows.iter().map(|row| row.x.clone()).collect()
+        };
+        let few = own(20, 3);
+        let rows = make(&few, &[]).unwrap();
+        assert_eq!(rows.len(), 20);
+        assert_eq!(of(&rows[..3]), few.campaign().doe.points);
+        assert!((0..20).eq(rows.iter().map(|row| row.design)));
+        let more = make(&own(25, 3), &rows).unwrap();
+        assert!((20..25).eq(more.iter().map(|row| row.design)));
+        // A DoE may have no other designs, and a larger one may come later.
+        let all = own(5, 5);
+        assert_eq!(of(&make(&all, &[]).unwrap()), all.campaign().doe.points);
+        let mut unread = all.campaign().clone();
+        unread.doe.table = Some("points.csv".to_owned());
+        assert!(make(&Problem::new(unread), &[]).is_err());
     }
 
     #[test]

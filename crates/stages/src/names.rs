@@ -34,7 +34,7 @@ pub fn approach_and_start(stream: StreamId) -> Option<(Approach, u32)> {
     (stream.kind == Kind::Run).then_some((approach, start))
 }
 
-/// The name of a stream in messages.
+/// The name of a stream in messages; starts count from 0.
 #[must_use]
 pub fn stream_name(stream: StreamId) -> String {
     match stream.kind {
@@ -64,24 +64,10 @@ pub fn failed_job(row: &FailureRow) -> String {
     }
 }
 
-/// A job as the log names it: `design 59, samples 130–154`. Without samples the whole stream is meant.
+/// A job in messages: `design-59, samples 130–154`. Without samples the whole stream is meant.
 #[must_use]
 pub fn job_name(stream: StreamId, samples: &Range<u32>) -> String {
-    let of = match stream.kind {
-        Kind::Run => {
-            let (number, start) = stream.run_parts();
-            let name = Approach::numbered(number.into()).map_or("unknown", Approach::name);
-            return format!("search {name}, start {}", start + 1);
-        }
-        Kind::Design => format!("design {}", stream.index),
-        Kind::Point if infill::is_infill(stream.index) => {
-            format!("infill point {}", infill::mark(stream.index))
-        }
-        Kind::Point => {
-            let name = Approach::numbered(stream.index).map_or("a reference", Approach::name);
-            format!("verification of {name}")
-        }
-    };
+    let of = stream_name(stream);
     match samples.len() {
         0 => of,
         1 => format!("{of}, sample {}", samples.start),
@@ -114,16 +100,13 @@ mod tests {
         assert_eq!(stream_name(StreamId::design(7)), "design-7");
         assert_eq!(
             job_name(StreamId::design(59), &(130..155)),
-            "design 59, samples 130–154"
+            "design-59, samples 130–154"
         );
         assert_eq!(
             job_name(StreamId::design(59), &(0..1)),
-            "design 59, sample 0"
+            "design-59, sample 0"
         );
-        assert_eq!(job_name(run, &(0..40)), "search kriging, start 3");
-        assert_eq!(
-            job_name(StreamId::point(2), &(0..0)),
-            "verification of archard"
-        );
+        assert_eq!(job_name(run, &(0..40)), "run-kriging-2, samples 0–39");
+        assert_eq!(job_name(StreamId::point(2), &(0..0)), "verify-archard");
     }
 }

@@ -52,8 +52,8 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
     loop {
         let row = response(0, Controlled::plain(&samples[..count]), sampling)?;
         let of_normal = match rule.variance {
-            VarianceFormula::Taylor => stats::p90_variance,
-            VarianceFormula::Exact => stats::exact_p90_variance,
+            VarianceFormula::Taylor => stats::percentile_variance,
+            VarianceFormula::Exact => stats::exact_percentile_variance,
         };
         let normal = of_normal(row.standard_deviation.powi(2), count, rule.z)?;
         // The standard deviation with which a normal sample's percentile would be as uncertain as

@@ -39,26 +39,13 @@ impl Stage {
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let all = Self::WORK.into_iter().chain([Self::Done]);
-        all.into_iter().find(|stage| stage.name() == name)
-    }
-
-    /// The name in the store and in messages.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Doe => "doe",
-            Self::Sample => "sample",
-            Self::Fit => "fit",
-            Self::Optimise => "optimise",
-            Self::Enrich => "enrich",
-            Self::Verify => "verify",
-            Self::Done => "done",
-        }
+        all.into_iter().find(|stage| stage.to_string() == name)
     }
 }
 
+/// The name in the store and in messages.
 impl fmt::Display for Stage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
+        self.serialize(f)
     }
 }

@@ -21,7 +21,7 @@
 //! Reference: S. S. Lavenberg, P. D. Welch, "A perspective on the use of control variables to
 //! increase the efficiency of Monte Carlo simulations", Management Science 27 (1981) 322–335.
 
-use crate::{Error, mean_sd, p90_variance};
+use crate::{Error, mean_sd, percentile_variance};
 
 /// The fewest samples a control variate is fitted to: its residual variance needs n − 2 ≥ 2.
 pub const CONTROL_MIN_SAMPLES: usize = 4;
@@ -168,8 +168,8 @@ pub fn control_variate_p90(
             sd: sd_y,
             p90: mean_y + z * sd_y,
             mean_variance,
-            sd_variance: p90_variance(sd_y * sd_y, n, 1.0)? - mean_variance,
-            variance: p90_variance(sd_y * sd_y, n, z)?,
+            sd_variance: percentile_variance(sd_y * sd_y, n, 1.0)? - mean_variance,
+            variance: percentile_variance(sd_y * sd_y, n, z)?,
             slope: 0.0,
             correlation,
         });

@@ -38,8 +38,8 @@ pub fn normal_probability(z: f64) -> f64 {
 ///
 /// # Errors
 ///
-/// As [`crate::p90_variance`].
-pub fn exact_p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
+/// As [`crate::percentile_variance`].
+pub fn exact_percentile_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
     check_variance_arguments(sigma2, k, z)?;
     let spread = -(2.0 * ln_c4(k)).exp_m1();
     Ok(sigma2 * (1.0 / k as f64 + z * z * spread))

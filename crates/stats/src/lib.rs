@@ -5,7 +5,7 @@
 //!
 //! ```
 //! use stats::streams::{Purpose, stream};
-//! use stats::{NormalOptions, lilliefors, normal_p90, p90_interval};
+//! use stats::{NormalOptions, lilliefors, normal_p90, percentile_interval};
 //! use rand::RngExt as _;
 //!
 //! // Thirty samples, each from a random stream of its own: sums of twelve uniform numbers are nearly normal.
@@ -16,7 +16,7 @@
 //! let samples: Vec<f64> = (0..30).map(draw).collect();
 //! assert!(lilliefors(&samples)?.p_value > 0.05);
 //! let found = normal_p90(&samples, &NormalOptions::default())?;
-//! let (low, high) = p90_interval(&found, 0.95)?;
+//! let (low, high) = percentile_interval(&found, 0.95)?;
 //! // The sum's 90 % percentile is 6 + 1.28 = 7.28.
 //! assert!(low < 7.28 && 7.28 < high);
 //! # Ok::<(), stats::Error>(())
@@ -78,7 +78,9 @@ pub use coefficients::{
 pub use control::{CONTROL_MIN_SAMPLES, Control, ControlledPercentile, control_variate_p90};
 pub use copula::Copula;
 pub use error::Error;
-pub use exact::{EXACT_Z90, c4, exact_p90_variance, normal_probability, normal_quantile, sd_bias};
+pub use exact::{
+    EXACT_Z90, c4, exact_percentile_variance, normal_probability, normal_quantile, sd_bias,
+};
 pub use main_effect::{MAIN_EFFECT_MIN_SAMPLES, main_effect};
 pub use marginal::{Family, Marginal};
 pub use measure::Measure;
@@ -88,7 +90,9 @@ pub use normality::{
     LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors, lilliefors_critical_value, lilliefors_p_value,
 };
 pub use order::{Verified, order_interval_min_samples, order_statistic, paired_difference};
-pub use percentile::{PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, p90_interval, p90_variance};
+pub use percentile::{
+    PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, percentile_interval, percentile_variance,
+};
 pub use pooled::Shape;
 pub use quantile::{
     Estimate, HarrellDavisVariance, Method, harrell_davis, harrell_davis_min_samples,

@@ -1,9 +1,9 @@
 //! Estimates of a percentile of a normal sample.
 
 use crate::Error;
-use crate::exact::{c4, exact_p90_variance};
+use crate::exact::{c4, exact_percentile_variance};
 use crate::moments::mean_sd;
-use crate::percentile::{PAPER_Z90, Percentile, p90_variance};
+use crate::percentile::{PAPER_Z90, Percentile, percentile_variance};
 
 /// Estimates the 90 % percentile of a normal sample, and the variance of that estimate: equations
 /// (8), (9) and (14) with z = [`PAPER_Z90`].
@@ -18,10 +18,10 @@ pub fn percentile_p90(samples: &[f64]) -> Result<Percentile, Error> {
 /// The formula for the variance of m + z s.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum VarianceFormula {
-    /// [`p90_variance`], the paper's equation (14).
+    /// [`percentile_variance`], the paper's equation (14).
     #[default]
     Taylor,
-    /// [`exact_p90_variance`], from the χ distribution of s.
+    /// [`exact_percentile_variance`], from the χ distribution of s.
     Exact,
 }
 
@@ -61,8 +61,8 @@ pub fn normal_p90(samples: &[f64], options: &NormalOptions) -> Result<Percentile
     let z = if options.unbiased { z / relative } else { z };
     let (mean, sd) = mean_sd(samples)?;
     let variance = match options.variance {
-        VarianceFormula::Taylor => p90_variance(sd * sd, n, z)?,
-        VarianceFormula::Exact => exact_p90_variance(sd * sd, n, z)?,
+        VarianceFormula::Taylor => percentile_variance(sd * sd, n, z)?,
+        VarianceFormula::Exact => exact_percentile_variance(sd * sd, n, z)?,
     };
     let p90 = mean + z * sd;
     if !p90.is_finite() {

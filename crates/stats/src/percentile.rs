@@ -35,7 +35,7 @@ pub struct Percentile {
 ///
 /// [`Error::TooFewSamples`] below [`PERCENTILE_MIN_SAMPLES`], [`Error::OutOfRange`] for a `sigma2`
 /// that is negative or not finite and for a `z` that is not finite.
-pub fn p90_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
+pub fn percentile_variance(sigma2: f64, k: usize, z: f64) -> Result<f64, Error> {
     check_variance_arguments(sigma2, k, z)?;
     let k = k as f64;
     // 1 − √((k − 3)/(k − 1)) written without the cancellation that grows with k.
@@ -78,7 +78,7 @@ pub(crate) fn check_variance_arguments(sigma2: f64, k: usize, z: f64) -> Result<
 ///
 /// [`Error::OutOfRange`] unless 0 < `confidence` < 1; [`Error::TooFewSamples`] for a `percentile`
 /// of fewer than [`PERCENTILE_MIN_SAMPLES`] samples.
-pub fn p90_interval(percentile: &Percentile, confidence: f64) -> Result<(f64, f64), Error> {
+pub fn percentile_interval(percentile: &Percentile, confidence: f64) -> Result<(f64, f64), Error> {
     check_count(percentile.n)?;
     if !(confidence > 0.0 && confidence < 1.0) {
         let expected = "strictly between 0 and 1";

@@ -17,7 +17,9 @@
 //! samples has the bias −0.003.
 
 use crate::percentile::check_variance_arguments;
-use crate::{Error, PERCENTILE_MIN_SAMPLES, VarianceFormula, exact_p90_variance, p90_variance};
+use crate::{
+    Error, PERCENTILE_MIN_SAMPLES, VarianceFormula, exact_percentile_variance, percentile_variance,
+};
 
 /// The rule that says when a design has enough samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -57,8 +59,8 @@ pub fn samples_needed(n: usize, sd: f64, rule: &SequentialRule) -> Result<usize,
     check_variance_arguments(sd, n, 0.0)?;
     let reached = |k: usize| -> Result<bool, Error> {
         let variance = match rule.variance {
-            VarianceFormula::Taylor => p90_variance(sd * sd, k, rule.z)?,
-            VarianceFormula::Exact => exact_p90_variance(sd * sd, k, rule.z)?,
+            VarianceFormula::Taylor => percentile_variance(sd * sd, k, rule.z)?,
+            VarianceFormula::Exact => exact_percentile_variance(sd * sd, k, rule.z)?,
         };
         Ok(variance.sqrt() <= rule.precision)
     };

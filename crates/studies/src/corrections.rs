@@ -10,6 +10,7 @@ use problem::optimise::Solution;
 use problem::{Campaign, Design, PairFile};
 use rayon::prelude::*;
 use results::number::{MISSING, fixed};
+use results::report::write_file;
 use results::row;
 use results::table::{Cell, Column, Table};
 use stats::Verified;
@@ -18,7 +19,7 @@ use crate::direct::{self, Search, Start};
 use crate::refusal::require_built_in;
 use crate::samples;
 use crate::table::{
-    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval, write,
+    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval,
 };
 
 /// A set of profile corrections that a search may use.
@@ -158,7 +159,7 @@ pub fn write_tables(
     outcomes: &[Outcome],
 ) -> anyhow::Result<Document> {
     let figures = all_figures(campaign, outcomes);
-    write(out, "corrections.csv", figures.csv()?)?;
+    write_file(out, "corrections.csv", figures.csv()?)?;
     let page = format!(
         "# {} with and without profile corrections\n\n\
          {} of ΔSTE in µm from {} verification samples with its 95 % interval, at the best of {} direct \
@@ -170,7 +171,7 @@ pub fn write_tables(
         campaign.optimise.evaluations,
         summary(campaign, outcomes).markdown()
     );
-    write(out, "corrections.md", &page)?;
+    write_file(out, "corrections.md", &page)?;
     for outcome in outcomes {
         let problem = outcome.space.problem(campaign);
         let (Some((found, _)), Some(gears), Some(sections)) =
@@ -184,7 +185,7 @@ pub fn write_tables(
             ..PairFile::of_design(sections, &found.design.gears())
         };
         let name = format!("pair-{}.toml", outcome.space.name.replace(' ', "-"));
-        write(out, &name, file.to_toml())?;
+        write_file(out, &name, file.to_toml())?;
     }
     Ok(Document {
         page,

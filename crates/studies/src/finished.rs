@@ -4,11 +4,10 @@ use anyhow::Context as _;
 use problem::formulation::Problem;
 use problem::optimise::{self, RunResult};
 use problem::task::Run;
-use problem::{Approach, Campaign, Design, GearCriteria, GearVariables};
+use problem::{Approach, Campaign, Design, GearVariables};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
 use results::status;
-use stages::state::State;
 use store::Store;
 
 use crate::refusal::UnfinishedCampaign;
@@ -18,7 +17,6 @@ use crate::refusal::UnfinishedCampaign;
 pub struct FeasibleOptimum {
     pub approach: Approach,
     pub variables: GearVariables,
-    pub criteria: GearCriteria,
     /// Verification samples of ΔSTE, µm.
     pub verified: Vec<f64>,
 }
@@ -31,7 +29,7 @@ pub struct FeasibleOptimum {
 pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Problem> {
     let stored = store.campaign().await?;
     if stored.digest != campaign.digest() {
-        let changes = Campaign::parse("the store's campaign file", &stored.file_text)
+        let changes = Campaign::stored(&stored.file_text)
             .map_or_else(|_| Vec::new(), |stored| campaign.changes_from(&stored));
         return Err(store::Error::other_campaign(
             store.path(),
@@ -45,7 +43,7 @@ pub async fn problem(store: &Store, campaign: &Campaign) -> anyhow::Result<Probl
     if !status.finished {
         return Err(UnfinishedCampaign {
             store: store.path().display().to_string(),
-            stage: status.stage.name().to_owned(),
+            stage: status.stage.to_string(),
         }
         .into());
     }
@@ -59,23 +57,9 @@ impl FeasibleOptimum {
         Some(Self {
             approach: verified.optimum.approach,
             variables: found.design.gears(),
-            criteria: found.criteria.gears(),
             verified: verified.values(problem),
         })
     }
-}
-
-/// The feasible optima, in the order of the approaches.
-///
-/// # Errors
-///
-/// The store cannot be read.
-pub async fn optima(store: &Store, problem: &Problem) -> anyhow::Result<Vec<FeasibleOptimum>> {
-    let optima = Optima::read(store, problem).await?;
-    Ok(optima
-        .iter()
-        .filter_map(|one| FeasibleOptimum::of(problem, one))
-        .collect())
 }
 
 /// The optimum of an approach, or the recommended one.
@@ -106,22 +90,10 @@ pub async fn optimum(
 
 /// The five variables that all designs of the campaign's DoE share.
 #[must_use]
-pub fn base(problem: &Problem, optima: &[FeasibleOptimum]) -> Design {
-    let without_wear = optima
-        .iter()
-        .find(|optimum| optimum.approach == Approach::Nominal);
-    let state = State {
-        optima: [(
-            Approach::Nominal,
-            without_wear.map(|optimum| optimum.variables.into()),
-        )]
-        .into(),
-        ..State::default()
-    };
+pub fn base(problem: &Problem, optima: &Optima) -> Design {
+    let base = stages::optima::base(problem, optima.iter().map(|one| &one.optimum));
     // Without an optimum they are those of the file.
-    state
-        .base(problem)
-        .unwrap_or_else(|| problem.base().clone())
+    base.unwrap_or_else(|| problem.base().clone())
 }
 
 /// [`base`] for a campaign without a store: if the variables come from the optimum without wear, this

@@ -19,6 +19,7 @@ use problem::task::VERIFICATION;
 use problem::{Campaign, Design};
 use rayon::prelude::*;
 use results::number::fixed;
+use results::report::write_file;
 use results::row;
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
@@ -26,7 +27,7 @@ use stats::{Sensitivity, SensitivityIndex, SensitivityPlan, Verified};
 
 use crate::finished::FeasibleOptimum;
 use crate::samples::in_pieces;
-use crate::table::{Document, PageTable, percentile_cells, with_interval, write};
+use crate::table::{Document, PageTable, percentile_cells, with_interval};
 
 /// The stream of the wear profiles from which the field of a single sample is drawn.
 const FIELDS: u64 = (1 << 40) + 1;
@@ -329,9 +330,9 @@ pub fn write_tables(
         };
         shown.rows.push(vec![label, with_interval(p90)]);
     }
-    write(out, "scenarios.csv", table.csv()?)?;
+    write_file(out, "scenarios.csv", table.csv()?)?;
     let figures = index_figures(indices);
-    write(out, "indices.csv", figures.csv()?)?;
+    write_file(out, "indices.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name}: sensitivity of the design of approach {}\n\n{}",
         optimum.approach.name(),
@@ -371,7 +372,7 @@ pub fn write_tables(
         }
         page += &format!(".\n\n{}", shown.markdown());
     }
-    write(out, "sensitivity.md", &page)?;
+    write_file(out, "sensitivity.md", &page)?;
     Ok(Document {
         page,
         tables: vec![("scenarios", table), ("indices", figures)],
@@ -417,12 +418,9 @@ mod tests {
         campaign.verify.samples = Some(200);
         let problem = Problem::new(campaign);
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let gears = problem.gears().unwrap();
-        let pair = gears.pair(&design).unwrap();
         let optimum = FeasibleOptimum {
             approach: Approach::Baseline,
             variables: design.gears(),
-            criteria: gears.pair_criteria(&pair, 1000.0),
             verified: samples::verification(&problem, &design).unwrap(),
         };
         (problem, optimum)

@@ -12,6 +12,7 @@ use problem::{Approach, Campaign, FileError};
 use results::number::{MISSING, fixed};
 use results::optima::{Optima, VerifiedOptimum};
 use results::report::charts::{self, PercentileSeries};
+use results::report::write_file;
 use results::row;
 use results::status;
 use results::table::{Cell, Column, Table};
@@ -19,7 +20,7 @@ use stats::Verified;
 use store::Store;
 
 use crate::table::{
-    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval, write,
+    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval,
 };
 
 /// Numbers of teeth, ascending and without gaps.
@@ -175,7 +176,7 @@ pub fn write_tables(
     let name = &campaign.name;
     let measure = campaign.measure_name();
     let figures = all_figures(sampling, outcomes);
-    write(out, "sweep.csv", figures.csv()?)?;
+    write_file(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
          {measure} of ΔSTE in µm at the optimum of each approach, with its 95 % interval, from \
@@ -193,12 +194,12 @@ pub fn write_tables(
     }
     match charts::teeth(&measure, &lines(outcomes)) {
         Ok(chart) => {
-            write(out, "sweep.svg", chart.standalone())?;
+            write_file(out, "sweep.svg", chart.standalone())?;
             page += &format!("\n![{measure} against the number of teeth](sweep.svg)\n");
         }
         Err(why) => page += &format!("\n{why}\n"),
     }
-    write(out, "sweep.md", &page)?;
+    write_file(out, "sweep.md", &page)?;
     Ok(Document {
         page,
         tables: vec![("sweep", figures)],

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use anyhow::Context as _;
 use problem::GearCriteria;
 use results::number::estimate;
-use results::table::{Cell, SCHEMA_VERSION, Table};
+use results::table::{Cell, Table};
 use serde_json::{Map, Value, json};
 use stats::Verified;
 
@@ -57,27 +56,10 @@ impl Document {
         let tables = self.tables.iter();
         let tables = tables.map(|(name, table)| ((*name).to_owned(), table.json()));
         json!({
-            "schema_version": SCHEMA_VERSION,
             "folder": out.display().to_string(),
             "tables": tables.collect::<Map<_, _>>(),
         })
     }
-}
-
-/// Writes a file into the folder `out`, which is created if need be. The file is never left
-/// half-written.
-///
-/// # Errors
-///
-/// The folder or the file cannot be written.
-pub fn write(out: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
-    std::fs::create_dir_all(out)
-        .with_context(|| format!("cannot make the folder {}", out.display()))?;
-    let path = out.join(name);
-    let draft = out.join(format!("{name}.part"));
-    std::fs::write(&draft, content)
-        .and_then(|()| std::fs::rename(&draft, &path))
-        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// The columns of [`criteria_cells`].
@@ -129,7 +111,6 @@ mod tests {
             tables: vec![("t", table)],
         };
         let expected = json!({
-            "schema_version": 1,
             "folder": "out",
             "tables": {"t": [{"source": "x|y", "b": 1.5}]},
         });

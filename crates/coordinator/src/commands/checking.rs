@@ -9,7 +9,8 @@ use problem::formulation::Problem;
 use problem::task::{self, Output, Run, Source};
 use problem::{Approach, Campaign, optimise};
 use rand::RngExt as _;
-use results::table::SCHEMA_VERSION;
+use results::number::duration;
+use results::table::Versioned;
 use runner::exit::{self, ProgramError};
 use runner::worker::{Trial, trial};
 use serde::Serialize;
@@ -25,7 +26,6 @@ use runner::cpu::thread_seconds;
 /// The plan of a campaign.
 #[derive(Serialize)]
 struct Plan {
-    schema_version: u32,
     file: String,
     campaign: String,
     seed: u64,
@@ -125,8 +125,9 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             match campaign.sampling.precision {
                 None => format!("{n} designs, at most {} samples", n * k),
                 Some(precision) => format!(
-                    "{n} designs, from {k} to {} samples, for {precision} µm",
-                    campaign.sampling.samples_max()
+                    "{n} designs, from {k} to {} samples, for {}",
+                    campaign.sampling.samples_max(),
+                    format!("{precision} {}", problem.measured().unit).trim_end()
                 ),
             },
             sampling,
@@ -189,7 +190,6 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     let refused = trial.and_then(|trial| refused(&trial));
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
-        schema_version: SCHEMA_VERSION,
         file,
         campaign: campaign.name.clone(),
         seed: campaign.seed,
@@ -212,7 +212,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             .chain(refused)
             .collect(),
     };
-    print_either(arguments.json, &plan, || describe(&plan))?;
+    print_either(arguments.json, &Versioned::new(&plan), || describe(&plan))?;
     Ok(match plan.nothing_to_sample {
         None => exit::OK,
         Some(_) => exit::NOT_SIMULABLE,
@@ -325,15 +325,6 @@ fn describe(plan: &Plan) -> String {
         text += &format!("\nwarning: {warning}\n");
     }
     text
-}
-
-/// A time in words.
-fn duration(seconds: f64) -> String {
-    match seconds {
-        ..120.0 => format!("{seconds:.0} s"),
-        ..7200.0 => format!("{:.0} min", seconds / 60.0),
-        _ => format!("{:.1} h", seconds / 3600.0),
-    }
 }
 
 /// Times on one processor of this machine, measured with a few designs of the campaign.

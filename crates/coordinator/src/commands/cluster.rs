@@ -2,9 +2,9 @@
 
 use lab::rehearsal::{Rehearsal, Scenario, Wave, rehearse};
 use results::report::charts::{self, TradeoffChart, TradeoffSeries};
+use results::report::write_file;
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
-use studies::table::write;
 use tracing::info;
 
 use super::output::print_either;
@@ -60,9 +60,9 @@ pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> Result
     }
     if let Some(out) = &arguments.out {
         std::fs::create_dir_all(out)?;
-        write(out, "cluster.csv", csv(&simulated)?)?;
+        write_file(out, "cluster.csv", csv(&simulated)?)?;
         let chart = charts::tradeoff(&chart(&simulated))?.standalone();
-        write(out, "cluster.svg", chart)?;
+        write_file(out, "cluster.svg", chart)?;
     }
     print_either(arguments.json, &simulated, || describe(&simulated))?;
     Ok(exit::OK)

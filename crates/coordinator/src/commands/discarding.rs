@@ -2,7 +2,7 @@
 
 use problem::Campaign;
 use problem::formulation::Problem;
-use results::table::SCHEMA_VERSION;
+use results::table::Versioned;
 use runner::coordinator::server;
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
@@ -14,7 +14,6 @@ use crate::arguments;
 
 #[derive(Serialize)]
 struct Removal {
-    schema_version: u32,
     /// Whether the results were removed, not only counted.
     removed: bool,
     samples: u64,
@@ -33,7 +32,7 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
     let held = Store::open_read_only(&arguments.db).await?;
     let row = held.campaign().await?;
     held.close().await?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let campaign = Campaign::stored(&row.file_text)?;
     let store = server::open_store(&Problem::new(campaign), &row.file_text, &arguments.db).await?;
     let removed = store.discard(&what, !arguments.yes).await;
     store.close().await?;
@@ -44,14 +43,15 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
         runs,
     } = removed?;
     let removal = Removal {
-        schema_version: SCHEMA_VERSION,
         removed: arguments.yes,
         samples,
         criteria,
         evaluations,
         runs,
     };
-    print_either(arguments.json, &removal, || describe(&what, &removal))?;
+    print_either(arguments.json, &Versioned::new(&removal), || {
+        describe(&what, &removal)
+    })?;
     Ok(exit::OK)
 }
 

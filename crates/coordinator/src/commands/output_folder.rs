@@ -6,7 +6,7 @@ use std::path::Path;
 
 use results::report;
 
-use super::FileAccess;
+use super::output::FileAccess;
 
 /// Bytes of a marker that are read. The head of a report, which names its campaign, is shorter.
 const MARKER_BYTES: u64 = 4096;

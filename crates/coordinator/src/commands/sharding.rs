@@ -10,7 +10,7 @@ use ledger::WorkerId;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use problem::{Campaign, probe};
-use results::table::SCHEMA_VERSION;
+use results::table::Versioned;
 use results::{report, status};
 use runner::coordinator::board::{self, Board, Room};
 use runner::coordinator::engine::Engine;
@@ -64,7 +64,6 @@ impl HasExitCode for MergeError {
 
 #[derive(Serialize)]
 struct PlanResult {
-    schema_version: u32,
     stage: String,
     shards: Vec<PathBuf>,
     /// Number of designs, points or runs.
@@ -85,25 +84,29 @@ pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError>
     let status = status::read(&store).await;
     store.close().await?;
     let (planned, status) = (planned?, status?);
-    print_either(arguments.json, &planned, || match &planned.report {
-        Some(report) => format!(
-            "nothing is left to compute\nreport          {}\n",
-            report.display()
-        ),
-        None => format!(
-            "stage           {}\nshards          {} with {} jobs, in {}\n\
+    print_either(
+        arguments.json,
+        &Versioned::new(&planned),
+        || match &planned.report {
+            Some(report) => format!(
+                "nothing is left to compute\nreport          {}\n",
+                report.display()
+            ),
+            None => format!(
+                "stage           {}\nshards          {} with {} jobs, in {}\n\
              next            `worker --shard {}/N.json --out {}/N.part` for each N, then\n\
              \x20               `coordinator merge --db {} {}/*.part`\n",
-            planned.stage,
-            planned.shards.len(),
-            planned.units,
-            arguments.out.display(),
-            arguments.out.display(),
-            arguments.out.display(),
-            arguments.db.display(),
-            arguments.out.display(),
-        ),
-    })?;
+                planned.stage,
+                planned.shards.len(),
+                planned.units,
+                arguments.out.display(),
+                arguments.out.display(),
+                arguments.out.display(),
+                arguments.db.display(),
+                arguments.out.display(),
+            ),
+        },
+    )?;
     Ok(match planned.report {
         Some(_) => code_of_finished(&status),
         None => exit::OK,
@@ -126,8 +129,7 @@ async fn plan_store(
         let labels = runner::coordinator::provenance::labels();
         let report = report::write(store, report, &labels).await?;
         return Ok(PlanResult {
-            schema_version: SCHEMA_VERSION,
-            stage: Stage::Done.name().to_owned(),
+            stage: Stage::Done.to_string(),
             shards: Vec::new(),
             units: 0,
             report: Some(report),
@@ -141,7 +143,6 @@ async fn plan_store(
     let units = shards.iter().map(|shard| shard.units().count()).sum();
     let written: Result<Vec<PathBuf>, _> = shards.iter().map(|shard| shard.write(out)).collect();
     Ok(PlanResult {
-        schema_version: SCHEMA_VERSION,
         stage: status::read(store).await?.stage_name(),
         shards: written?,
         units,
@@ -196,7 +197,6 @@ async fn leases(board: &Board) -> Vec<Lease> {
 
 #[derive(Serialize)]
 struct MergeResult {
-    schema_version: u32,
     parts: usize,
     /// Shards of the parts' plans for which no part was given.
     missing_shards: Vec<u32>,
@@ -220,7 +220,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
     let row = held.campaign().await?;
     held.close().await?;
     let missing_shards = fitting(&parts, &row.digest, &arguments.db)?;
-    let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+    let campaign = Campaign::stored(&row.file_text)?;
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &row.file_text, &arguments.db).await?;
     let stored = store_parts(&problem, &store, &parts).await;
@@ -230,7 +230,6 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
     let status = status?;
     let unfinished = parts.iter().filter(|part| !part.missing().is_empty());
     let merged = MergeResult {
-        schema_version: SCHEMA_VERSION,
         parts: parts.len(),
         missing_shards,
         unfinished_parts: unfinished.map(|part| part.path.clone()).collect(),
@@ -238,7 +237,9 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
         stage: status.stage_name(),
     };
     let is_planned = parts.iter().any(|part| !part.header.is_undelivered());
-    print_either(arguments.json, &merged, || describe(&merged, is_planned))?;
+    print_either(arguments.json, &Versioned::new(&merged), || {
+        describe(&merged, is_planned)
+    })?;
     let is_whole = merged.missing_shards.is_empty() && merged.unfinished_parts.is_empty();
     Ok(if is_whole { exit::OK } else { exit::INCOMPLETE })
 }

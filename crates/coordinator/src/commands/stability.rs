@@ -1,10 +1,10 @@
 //! `coordinator stability`: inputs on which numerical methods fail, run and measured.
 
 use lab::stability::Atlas;
+use results::report::write_file;
 use results::table::SCHEMA_VERSION;
 use runner::exit::{self, ProgramError};
 use serde_json::json;
-use studies::table;
 use tracing::info;
 
 use super::output::print_either;
@@ -20,9 +20,9 @@ pub(super) fn stability(arguments: &arguments::Stability) -> Result<u8, ProgramE
     OutputFolder(out).require_new()?;
     let atlas = Atlas::run();
     for (name, table) in atlas.tables()? {
-        table::write(out, &name, table)?;
+        write_file(out, &name, table)?;
     }
-    table::write(out, PAGE, atlas.page(runner::identity::BUILD)?)?;
+    write_file(out, PAGE, atlas.page(runner::identity::BUILD)?)?;
     let json = json!({
         "schema_version": SCHEMA_VERSION,
         "folder": out.display().to_string(),

@@ -6,6 +6,8 @@ use std::time::Instant;
 use problem::Campaign;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
+use results::optima::Optima;
+use results::table::Versioned;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::exit::{self, ProgramError};
 use store::Store;
@@ -159,7 +161,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> Result<u8, ProgramEr
         require_built_in(problem.campaign())
             .map_err(|error| usage(format!("{error}, or leave out --refine")))?;
     }
-    let optima = finished::optima(&store, &problem).await?;
+    let optima = Optima::read(&store, &problem).await?;
     let base = finished::base(&problem, &optima);
     let all = pareto::of_doe(&store, &problem, &base, against).await?;
     store.close().await?;
@@ -167,7 +169,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> Result<u8, ProgramEr
     let doing = format!("simulating designs of {}", problem.campaign().name);
     let simulate = move || -> anyhow::Result<_> {
         let mut points = pareto::front_of_doe(&problem, &all, against)?;
-        points.extend(pareto::of_optima(&problem.campaign().sampling, &optima));
+        points.extend(pareto::of_optima(&optima));
         let refined = pareto::refine(&problem, &base, &points, against, refine)?;
         points.extend(refined);
         pareto::mark(&mut points, against);
@@ -221,7 +223,7 @@ async fn finished_campaign(
 }
 
 fn finish(document: &Document, out: &Path, json: bool) -> Result<u8, ProgramError> {
-    print_either(json, &document.to_json(out), || {
+    print_either(json, &Versioned::new(document.to_json(out)), || {
         format!("{}\nwritten to {}\n", document.page, out.display())
     })?;
     Ok(exit::OK)

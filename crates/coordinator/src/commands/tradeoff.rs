@@ -9,12 +9,12 @@ use lab::tradeoff::{Kind, Size, Study, Table};
 use problem::Campaign;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
+use results::report::write_file;
 use results::table::SCHEMA_VERSION;
 use runner::exit::{self, ProgramError};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use studies::refusal::{require_built_in, require_gears};
-use studies::table::write;
 use tokio::runtime::Handle;
 use tokio_util::sync::CancellationToken;
 use tracing::info;
@@ -34,8 +34,6 @@ const STAMP: &str = "measured.json";
 const ENDING: Duration = Duration::from_secs(5);
 /// The file name of the page.
 const PAGE: &str = "tradeoff.html";
-/// The folder of the charts, beside the page.
-const CHARTS: &str = "charts";
 
 /// The campaign, size and program that the tables of a folder belong to.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -136,7 +134,7 @@ fn conduct(
             Some(study) => (study, "measured before"),
             None => {
                 let study = kind.run(&problem, size, &mut programs, &mut |done| info!("{done}"))?;
-                write(out, &file(kind), study.table.csv()?)?;
+                write_file(out, &file(kind), study.table.csv()?)?;
                 (study, "measured")
             }
         };
@@ -157,18 +155,7 @@ fn conduct(
         runner::coordinator::provenance::labels(),
     );
     let page = results::report::render_tradeoff(&page)?;
-    for chart in &page.charts {
-        write(
-            &out.join(CHARTS),
-            &format!("{}.svg", chart.name),
-            &chart.svg,
-        )?;
-        if let Some(csv) = &chart.csv {
-            write(&out.join(CHARTS), &format!("{}.csv", chart.name), csv)?;
-        }
-    }
-    write(out, PAGE, &page.html)?;
-    let path = out.join(PAGE);
+    let path = page.write(out, PAGE)?;
     print(&if is_json {
         format!("{}\n", to_json(&studies, size, out))
     } else {
@@ -204,7 +191,7 @@ fn claim(out: &Path, campaign: &Campaign, size: Size) -> Result<(), ProgramError
     let folder = OutputFolder(out);
     if !folder.require_own(STAMP, |text| own.check(text))? {
         folder.require_new()?;
-        write(out, STAMP, serde_json::to_string_pretty(&own)? + "\n")?;
+        write_file(out, STAMP, serde_json::to_string_pretty(&own)? + "\n")?;
     }
     Ok(())
 }

@@ -243,3 +243,29 @@ fn new_designs_lie_where_a_constraint_probably_holds() {
         assert_eq!(decision.recommendation.is_none(), only_infeasible);
     }
 }
+
+/// Only a corner keeps the limits, and their probability is tiny elsewhere, while the response falls towards the other
+/// corner: the search in the whole box follows the probability.
+#[test]
+fn before_anything_is_feasible_a_tiny_probability_leads_the_way() {
+    let problem = Problem {
+        bounds: unit(4),
+        response: |x| 1.0 + x.iter().sum::<f64>(),
+        noise: 0.01,
+        violation: |_| Some(1.0),
+    };
+    let known = |x: &[f64]| {
+        let away: f64 = x.iter().map(|x| (x - 0.8).powi(2)).sum();
+        Some(enrich::ExactCriteria {
+            holds: (-400.0 * away).exp(),
+            ..enrich::ExactCriteria::from(0.0)
+        })
+    };
+    let state = sampled(&problem, 30, 30);
+    let decision = decide(&state, &options(&problem), &known).unwrap();
+    let found = decision.infill.iter().any(|infill| match infill {
+        enrich::Infill::New { x, .. } => x.iter().all(|x| (x - 0.8).abs() < 0.1),
+        enrich::Infill::More { .. } => false,
+    });
+    assert!(found, "{decision:?}");
+}

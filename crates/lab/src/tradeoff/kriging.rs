@@ -54,8 +54,8 @@ const COUNTS: [usize; 3] = [250, 500, 1000];
 const QUICK: u32 = 1250;
 /// One in this many designs is held out.
 const HELD_OUT: usize = 5;
-/// The 95 % quantile of the standard normal distribution, for intervals that cover 90 %.
-const Z95: f64 = 1.644_853_626_951_472;
+/// The normal deviate of a two-sided 90 % interval.
+const Z90: f64 = 1.644_853_626_951_472;
 
 /// The held-out designs and the true percentiles there.
 struct HeldOut {
@@ -245,7 +245,7 @@ fn measure(
     let covered = predictions
         .iter()
         .zip(&off)
-        .filter(|(found, off)| off.abs() <= Z95 * found.variance.sqrt())
+        .filter(|(found, off)| off.abs() <= Z90 * found.variance.sqrt())
         .count();
     Ok(vec![
         fit,

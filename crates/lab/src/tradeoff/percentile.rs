@@ -4,7 +4,7 @@
 //! every method estimates the percentile repeatedly, from separate samples.
 
 use anyhow::{Context as _, bail};
-use problem::accuracy::ESTIMATORS;
+use problem::accuracy::{ESTIMATORS, Estimator};
 use problem::file::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
 use problem::formulation::Problem;
 use stages::responses::{Controlled, response_of};
@@ -53,24 +53,17 @@ const NOT_NORMAL: f64 = 0.05;
 const SCREENED: usize = 12;
 const SCREENING: u64 = 2_000;
 
-/// The estimator of a campaign with these keys.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Estimator(EstimatorRule, ControlVariate, WearCoefficients);
+/// The estimator of Harrell and Davis, which `[accuracy]` does not choose.
+const HARRELL_DAVIS: Estimator = Estimator {
+    name: "Harrell–Davis",
+    rule: EstimatorRule::DistributionFree,
+    control: ControlVariate::None,
+    coefficients: WearCoefficients::Independent,
+};
 
-/// Returns the estimators by name: those that `[accuracy]` chooses from, and Harrell–Davis.
-fn methods() -> Vec<(&'static str, Estimator)> {
-    let harrell_davis = Estimator(
-        EstimatorRule::DistributionFree,
-        ControlVariate::None,
-        WearCoefficients::Independent,
-    );
-    let chosen_from = ESTIMATORS.iter().map(|one| {
-        let estimator = Estimator(one.rule, one.control, one.coefficients);
-        (one.name, estimator)
-    });
-    chosen_from
-        .chain([("Harrell–Davis", harrell_davis)])
-        .collect()
+/// The estimators that `[accuracy]` chooses from, and Harrell–Davis.
+fn methods() -> impl Iterator<Item = Estimator> {
+    ESTIMATORS.into_iter().chain([HARRELL_DAVIS])
 }
 
 /// The samples of one repetition, and the control variate's values.
@@ -128,17 +121,17 @@ pub(crate) fn run(
     for number in 0..count as u64 {
         let sampled = draw_design(problem, number, size, &mut rng)?;
         found[usize::from(!sampled.is_normal)] += 1;
-        for (method, (_, estimator)) in methods().iter().enumerate() {
-            let settings = estimator.settings(own);
+        for (method, estimator) in methods().enumerate() {
+            let settings = with(own, &estimator);
             for &samples in &counts {
-                let samples = estimator.whole(&settings, samples);
-                if samples < estimator.fewest(&settings) {
+                let samples = whole(&settings, samples);
+                if samples < fewest(&settings) {
                     continue;
                 }
-                let draws = &sampled.draws[estimator.drawn()];
+                let draws = &sampled.draws[drawn(&settings)];
                 let known = (sampled.truth, sampled.control);
-                let measured = estimator.errors(draws, samples, &settings, known)?;
-                let calls = estimator.calls(samples, sampled.modes);
+                let measured = errors_of(draws, samples, &settings, known)?;
+                let calls = calls(&settings, samples, sampled.modes);
                 errors.push((
                     method,
                     samples,
@@ -153,12 +146,12 @@ pub(crate) fn run(
             progress(&format!("percentile: {} of {count} designs", number + 1));
         }
     }
-    for (method, (name, estimator)) in methods().iter().enumerate() {
-        let settings = estimator.settings(own);
+    for (method, estimator) in methods().enumerate() {
+        let settings = with(own, &estimator);
         let mut own_counts: Vec<usize> = counts.clone();
         own_counts
             .iter_mut()
-            .for_each(|samples| *samples = estimator.whole(&settings, *samples));
+            .for_each(|samples| *samples = whole(&settings, *samples));
         own_counts.dedup();
         for samples in own_counts {
             for (panel, is_normal) in [(0, true), (1, false)] {
@@ -177,9 +170,9 @@ pub(crate) fn run(
                 let bias = each(&|(_, _, errors)| errors.bias);
                 rows[panel].push(Row {
                     panel: String::new(),
-                    method: (*name).to_owned(),
+                    method: estimator.name.to_owned(),
                     setting: format!("{samples} samples"),
-                    is_campaign: estimator.is_of(own) && samples == own_count,
+                    is_campaign: is_of(&estimator, own) && samples == own_count,
                     values: vec![
                         median(&each(&|(calls, ..)| *calls)),
                         root_mean_square(&each(&|(_, sd, errors)| errors.rmse / sd)),
@@ -267,12 +260,13 @@ fn draw_design(
     };
     let mut draws = [Vec::new(), Vec::new(), Vec::new()];
     for (coefficients, draws) in DRAWN.into_iter().zip(&mut draws) {
-        let coefficients = with(
-            settings,
-            EstimatorRule::Normal,
-            ControlVariate::None,
+        let estimator = Estimator {
+            name: "normal",
+            rule: EstimatorRule::Normal,
+            control: ControlVariate::None,
             coefficients,
-        );
+        };
+        let coefficients = with(settings, &estimator);
         for number in 0..size.pick(200, 60, 10) {
             let drawn: anyhow::Result<Draws> = repetition(coefficients.coefficients(), number);
             draws.push(drawn?);
@@ -291,15 +285,16 @@ fn draw_design(
     })
 }
 
-/// Returns the section `[sampling]` with these choices.
-fn with(
-    own: &Sampling,
-    percentile: EstimatorRule,
-    control: ControlVariate,
-    coefficients: WearCoefficients,
-) -> Sampling {
+/// Returns the section `[sampling]` with this estimator.
+fn with(own: &Sampling, estimator: &Estimator) -> Sampling {
+    let Estimator {
+        rule,
+        control,
+        coefficients,
+        ..
+    } = *estimator;
     Sampling {
-        estimator: Some(percentile),
+        estimator: Some(rule),
         control,
         coefficients,
         group: (coefficients == WearCoefficients::QuasiRandom).then_some(GROUP),
@@ -309,79 +304,79 @@ fn with(
     }
 }
 
-impl Estimator {
-    fn settings(self, own: &Sampling) -> Sampling {
-        let Self(percentile, control, coefficients) = self;
-        with(own, percentile, control, coefficients)
-    }
+/// Whether this is the estimator of a campaign with this section. [`EstimatorRule::Chosen`]
+/// and [`EstimatorRule::ChosenBootstrap`] differ in the variance alone.
+fn is_of(estimator: &Estimator, own: &Sampling) -> bool {
+    let rule = match own.estimator_rule() {
+        EstimatorRule::ChosenBootstrap => EstimatorRule::Chosen,
+        other => other,
+    };
+    (estimator.rule, estimator.control, estimator.coefficients)
+        == (rule, own.control, own.coefficients)
+}
 
-    /// Whether this is the estimator of a campaign with this section. [`EstimatorRule::Chosen`]
-    /// and [`EstimatorRule::ChosenBootstrap`] differ in the variance alone.
-    fn is_of(self, own: &Sampling) -> bool {
-        let percentile = match own.estimator_rule() {
-            EstimatorRule::ChosenBootstrap => EstimatorRule::Chosen,
-            other => other,
+/// The index in [`DRAWN`] of the draws that are taken.
+fn drawn(settings: &Sampling) -> usize {
+    let mut kinds = DRAWN.iter();
+    kinds
+        .position(|kind| *kind == settings.coefficients)
+        .unwrap_or(0)
+}
+
+/// The largest number of samples in whole groups.
+fn whole(settings: &Sampling, samples: usize) -> usize {
+    let group = settings.coefficients().group();
+    samples / group * group
+}
+
+fn fewest(settings: &Sampling) -> usize {
+    match (
+        settings.estimator_rule(),
+        settings.control,
+        settings.coefficients,
+    ) {
+        (EstimatorRule::DistributionFree, ..) => settings.measure().free_min_samples(),
+        (_, ControlVariate::Linearised, _) => stats::CONTROL_MIN_SAMPLES,
+        (_, _, WearCoefficients::Independent) => stats::PERCENTILE_MIN_SAMPLES,
+        _ => stats::GROUPED_MIN_GROUPS * settings.coefficients().group(),
+    }
+}
+
+fn calls(settings: &Sampling, samples: usize, modes: usize) -> f64 {
+    let linear = match settings.control {
+        ControlVariate::Linearised => 2 * modes,
+        ControlVariate::None => 0,
+    };
+    (samples + linear) as f64
+}
+
+/// Computes the errors of estimates from the first `count` samples of each repetition.
+fn errors_of(
+    draws: &[Draws],
+    count: usize,
+    settings: &Sampling,
+    (truth, control): (f64, Control),
+) -> anyhow::Result<Errors> {
+    let (mut estimates, mut stated) = (Vec::new(), 0.0);
+    for draw in draws {
+        let values = &draw.values[..count];
+        let is_controlled = settings.control == ControlVariate::Linearised;
+        let samples = Controlled {
+            values,
+            control: is_controlled.then(|| (&draw.controls[..count], control)),
         };
-        self == Self(percentile, own.control, own.coefficients)
+        let row = response_of(0, samples, settings)?;
+        let (percentile, variance) = (row.measure, row.measure_variance);
+        estimates.push(percentile);
+        stated += variance / draws.len() as f64;
     }
-
-    /// The index in [`DRAWN`] of the draws that the estimator takes.
-    fn drawn(self) -> usize {
-        DRAWN.iter().position(|drawn| *drawn == self.2).unwrap_or(0)
-    }
-
-    /// The largest number of samples in whole groups.
-    fn whole(self, settings: &Sampling, samples: usize) -> usize {
-        let group = settings.coefficients().group();
-        samples / group * group
-    }
-
-    fn fewest(self, settings: &Sampling) -> usize {
-        match self {
-            Self(EstimatorRule::DistributionFree, ..) => settings.measure().free_min_samples(),
-            Self(_, ControlVariate::Linearised, _) => stats::CONTROL_MIN_SAMPLES,
-            Self(_, _, WearCoefficients::Independent) => stats::PERCENTILE_MIN_SAMPLES,
-            Self(..) => stats::GROUPED_MIN_GROUPS * settings.coefficients().group(),
-        }
-    }
-
-    fn calls(self, samples: usize, modes: usize) -> f64 {
-        let linear = match self {
-            Self(_, ControlVariate::Linearised, _) => 2 * modes,
-            _ => 0,
-        };
-        (samples + linear) as f64
-    }
-
-    /// Computes the errors of estimates from the first `count` samples of each repetition.
-    fn errors(
-        self,
-        draws: &[Draws],
-        count: usize,
-        settings: &Sampling,
-        (truth, control): (f64, Control),
-    ) -> anyhow::Result<Errors> {
-        let (mut estimates, mut stated) = (Vec::new(), 0.0);
-        for draw in draws {
-            let values = &draw.values[..count];
-            let is_controlled = self.1 == ControlVariate::Linearised;
-            let samples = Controlled {
-                values,
-                control: is_controlled.then(|| (&draw.controls[..count], control)),
-            };
-            let row = response_of(0, samples, settings)?;
-            let (percentile, variance) = (row.measure, row.measure_variance);
-            estimates.push(percentile);
-            stated += variance / draws.len() as f64;
-        }
-        let (mean, sd) = stats::mean_sd(&estimates)?;
-        let off: Vec<f64> = estimates.iter().map(|estimate| estimate - truth).collect();
-        Ok(Errors {
-            rmse: root_mean_square(&off),
-            bias: mean - truth,
-            stated: stated / (sd * sd),
-        })
-    }
+    let (mean, sd) = stats::mean_sd(&estimates)?;
+    let off: Vec<f64> = estimates.iter().map(|estimate| estimate - truth).collect();
+    Ok(Errors {
+        rmse: root_mean_square(&off),
+        bias: mean - truth,
+        stated: stated / (sd * sd),
+    })
 }
 
 #[cfg(test)]
@@ -411,11 +406,10 @@ mod tests {
                 }
             })
             .collect();
-        let (_, estimator) = methods()[1];
-        let settings = estimator.settings(&paper().campaign().sampling);
+        let settings = with(&paper().campaign().sampling, &ESTIMATORS[1]);
         let known = (stats::EXACT_Z90, Control { mean: 0.0, sd: 0.0 });
         let rmse = |count| {
-            let errors = estimator.errors(&draws, count, &settings, known).unwrap();
+            let errors = errors_of(&draws, count, &settings, known).unwrap();
             assert!((errors.stated - 1.0).abs() < 0.15, "{errors:?}");
             assert!(errors.bias.abs() < 4.0 * errors.rmse / 600_f64.sqrt());
             errors.rmse
@@ -436,10 +430,10 @@ mod tests {
             let mut rows = table.rows.iter();
             rows.any(|row| row.method == method && row.setting == setting)
         };
-        for (method, _) in methods() {
+        for Estimator { name, .. } in methods() {
             assert!(
-                has(method, "500 samples") || has(method, "496 samples"),
-                "{method}"
+                has(name, "500 samples") || has(name, "496 samples"),
+                "{name}"
             );
         }
         assert!(!has("quasi-random", "24 samples") && has("quasi-random", "32 samples"));

@@ -147,6 +147,15 @@ impl Campaign {
         Ok(this)
     }
 
+    /// Parses the text of a campaign file that a store holds.
+    ///
+    /// # Errors
+    ///
+    /// Another version of the program wrote it in a format of its own.
+    pub fn stored(text: &str) -> Result<Self, FileError> {
+        Self::parse("the store's campaign file", text)
+    }
+
     /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key
     /// order, nor on where the program is and how often failures are tried again.
     #[must_use]

@@ -79,7 +79,7 @@ mod tests {
         // The campaigns do not differ in anything else.
         let mut same = campaign.clone();
         same.name.clone_from(&paper.name);
-        same.doe = paper.doe;
+        same.doe = paper.doe.clone();
         same.sampling = paper.sampling.clone();
         same.enrichment = None;
         assert_eq!(same, paper);

@@ -90,24 +90,12 @@ impl Grade {
             Self::Gjs600 => (174.0, 0.275, 370.0, None),
         }
     }
-
-    /// The name used in files.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Nc6 => "20NC6",
-            Self::MnCr5 => "16MnCr5",
-            Self::CrMo4 => "42CrMo4",
-            Self::CrNiMo6 => "34CrNiMo6",
-            Self::C45 => "C45",
-            Self::Gjs600 => "EN-GJS-600-3",
-        }
-    }
 }
 
+/// The name used in files.
 impl fmt::Display for Grade {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
+        self.serialize(f)
     }
 }
 
@@ -142,7 +130,7 @@ impl TryFrom<MaterialSection> for Material {
                 ),
                 None => format!(
                     "missing field `{key}` of [material], which needs four numbers or a name: {}",
-                    Grade::ALL.map(Grade::name).join(", ")
+                    Grade::ALL.map(|grade| grade.to_string()).join(", ")
                 ),
             })
         };

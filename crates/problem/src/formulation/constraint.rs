@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// A constraint evaluated at a design.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,38 +26,37 @@ pub struct Constraint {
 }
 
 /// The side of its limit on which a value must lie.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Bound {
     /// Below the limit.
+    #[serde(rename = "<")]
     Below,
     /// Below the limit or on it.
+    #[serde(rename = "≤")]
     AtMost,
     /// Above the limit.
+    #[serde(rename = ">")]
     Above,
     /// Above the limit or on it.
+    #[serde(rename = "≥")]
     AtLeast,
 }
 
-impl Bound {
+impl std::fmt::Display for Bound {
     /// The relation between value and limit, as a symbol.
-    #[must_use]
-    pub const fn sign(self) -> &'static str {
-        match self {
-            Self::Below => "<",
-            Self::AtMost => "≤",
-            Self::Above => ">",
-            Self::AtLeast => "≥",
-        }
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.serialize(f)
     }
 }
 
 impl Constraint {
-    /// A constraint whose value must be below its limit.
+    /// A constraint on a value, with the limit as the scale of its excess.
     #[must_use]
-    pub fn below(
+    pub fn new(
         name: impl Into<Cow<'static, str>>,
         unit: impl Into<Cow<'static, str>>,
         value: f64,
+        bound: Bound,
         limit: f64,
     ) -> Self {
         Self {
@@ -65,52 +64,12 @@ impl Constraint {
             unit: unit.into(),
             value,
             limit,
-            excess: value - limit,
+            excess: match bound {
+                Bound::Below | Bound::AtMost => value - limit,
+                Bound::Above | Bound::AtLeast => limit - value,
+            },
             scale: limit,
-            bound: Bound::Below,
-        }
-    }
-
-    /// A constraint whose value must not exceed its limit.
-    #[must_use]
-    pub fn at_most(
-        name: impl Into<Cow<'static, str>>,
-        unit: impl Into<Cow<'static, str>>,
-        value: f64,
-        limit: f64,
-    ) -> Self {
-        Self {
-            bound: Bound::AtMost,
-            ..Self::below(name, unit, value, limit)
-        }
-    }
-
-    /// A constraint whose value must be above its limit.
-    #[must_use]
-    pub fn above(
-        name: impl Into<Cow<'static, str>>,
-        unit: impl Into<Cow<'static, str>>,
-        value: f64,
-        limit: f64,
-    ) -> Self {
-        Self {
-            excess: limit - value,
-            bound: Bound::Above,
-            ..Self::below(name, unit, value, limit)
-        }
-    }
-
-    /// A constraint whose value must reach its limit.
-    #[must_use]
-    pub fn at_least(
-        name: impl Into<Cow<'static, str>>,
-        unit: impl Into<Cow<'static, str>>,
-        value: f64,
-        limit: f64,
-    ) -> Self {
-        Self {
-            bound: Bound::AtLeast,
-            ..Self::above(name, unit, value, limit)
+            bound,
         }
     }
 
@@ -146,7 +105,7 @@ impl Serialize for Constraint {
             name: &'a str,
             unit: &'a str,
             value: f64,
-            relation: &'a str,
+            relation: Bound,
             limit: f64,
             holds: bool,
         }
@@ -154,7 +113,7 @@ impl Serialize for Constraint {
             name: &self.name,
             unit: &self.unit,
             value: self.value,
-            relation: self.bound.sign(),
+            relation: self.bound,
             limit: self.limit,
             holds: self.holds(),
         };

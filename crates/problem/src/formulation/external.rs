@@ -2,7 +2,7 @@
 
 use super::random::RandomInputs;
 use super::space::{Source, Space};
-use super::{Analysis, Constraint, Coordinate, Criteria, Measured, Quantity};
+use super::{Analysis, Bound, Constraint, Coordinate, Criteria, Measured, Quantity};
 use crate::file::{ConstraintSection, Domain, ExternalSections, Sampling};
 
 /// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
@@ -156,15 +156,11 @@ impl External {
     pub(super) fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
         let mut constraints = Vec::new();
         for (section, &value) in self.deterministic().zip(criteria.values()) {
-            let name = section.name.clone();
-            let unit = section.unit.clone();
-            if let Some(min) = section.min {
-                let constraint = Constraint::at_least(name.clone(), unit.clone(), value, min);
-                constraints.push(constraint.relative());
-            }
-            if let Some(max) = section.max {
-                let constraint = Constraint::at_most(name, unit, value, max);
-                constraints.push(constraint.relative());
+            for (bound, limit) in [(Bound::AtLeast, section.min), (Bound::AtMost, section.max)] {
+                let (name, unit) = (section.name.clone(), section.unit.clone());
+                let constraint =
+                    limit.map(|limit| Constraint::new(name, unit, value, bound, limit));
+                constraints.extend(constraint.map(Constraint::relative));
             }
         }
         constraints

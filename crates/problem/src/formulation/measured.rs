@@ -248,11 +248,7 @@ impl Measured {
         let name = self.title_of(&self.searched.objective);
         let unit = self.response.unit.clone();
         let limit = self.limit?.searched;
-        let constraint = match self.is_upper() {
-            true => Constraint::at_most(name, unit, value, limit),
-            false => Constraint::at_least(name, unit, value, limit),
-        };
-        Some(constraint.relative())
+        Some(Constraint::new(name, unit, value, self.relation(), limit).relative())
     }
 
     /// The relation that the measure must have to its limit.

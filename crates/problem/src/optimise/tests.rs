@@ -38,6 +38,26 @@ fn a_run_is_a_function_of_campaign_approach_and_start() {
     assert_eq!(serde_json::from_str::<RunResult>(&json).unwrap(), first);
 }
 
+#[test]
+fn searches_of_the_baseline_begin_at_own_designs() {
+    let unit = [0.25; 6];
+    let problem = problem(|campaign| {
+        let x = Problem::new(campaign.clone()).free_point(&unit);
+        campaign.doe.points = vec![x];
+        campaign.optimise.step = 1e-3;
+    });
+    let is_near = |start| {
+        let run = of(&problem, Approach::Baseline, start, None);
+        let asked = Search::new(&problem, &run).unwrap().ask(&problem);
+        asked.iter().all(|candidate| {
+            let x = problem.free_values(candidate.design.as_ref().expect("it can be simulated"));
+            let mut pairs = problem.unit_point(&x).into_iter().zip(unit);
+            pairs.all(|(found, own)| (found - own).abs() < 0.02)
+        })
+    };
+    assert!(is_near(0) && !is_near(1));
+}
+
 /// If no design is simulable, a search ends on a plateau after some hundred evaluations.
 #[test]
 fn the_kinds_of_restarts_give_different_runs_that_are_reproducible() {

@@ -17,9 +17,8 @@ use store::{Progress, ResponseRow, Store};
 
 use crate::live::views::{BestOfDoe, Point};
 use crate::optima::Optima;
+use crate::running::Z95;
 
-/// The normal deviate of a two-sided 95 % interval.
-const Z95: f64 = 1.959_963_984_540_054;
 /// Maximum number of preliminary measures computed at a time.
 const DESIGNS_AT_ONCE: usize = 500;
 /// Approximate maximum number of samples that they are computed from.

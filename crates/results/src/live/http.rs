@@ -181,7 +181,7 @@ fn router(site: Arc<Site>, is_loopback: bool) -> Router {
             let _visit = site.visit();
             json(&*site.body(view).await, &headers)
         };
-        router = router.route(&format!("/api/v1/{}", view.name()), get(answer));
+        router = router.route(&format!("/api/v1/{view}"), get(answer));
     }
     let router = router
         .fallback(nothing)
@@ -258,7 +258,7 @@ async fn map(
 }
 
 async fn nothing() -> (StatusCode, String) {
-    let views = View::ALL.map(|view| format!("/api/v1/{}", view.name()));
+    let views = View::ALL.map(|view| format!("/api/v1/{view}"));
     let all = views.join(", ");
     let why = format!(
         "nothing is here: the page is at /, its data at {all}, /api/v1/map/X/Y with the numbers of two \

@@ -6,6 +6,7 @@
 //! of a processor.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use crate::optima::Optima;
 use crate::report::{self, OptimiserRun};
 use crate::running::Running;
 use crate::status::{self, Status};
+use crate::table::{SCHEMA_VERSION, Versioned};
 use axum::body::Bytes;
 use problem::formulation::Problem;
 use problem::{Approach, Campaign};
@@ -37,7 +39,8 @@ const IDLE_SHARE: u32 = 20;
 pub type Ask = Box<dyn Fn() -> Running + Send + Sync>;
 
 /// A view of the campaign.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum View {
     /// The object that `coordinator status --json` prints.
     Status,
@@ -65,19 +68,12 @@ impl View {
         Self::Convergence,
         Self::Rounds,
     ];
+}
 
-    /// The name in the view's address, as in `/api/v1/status`.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Status => "status",
-            Self::Workers => "workers",
-            Self::Failures => "failures",
-            Self::Best => "best",
-            Self::Responses => "responses",
-            Self::Convergence => "convergence",
-            Self::Rounds => "rounds",
-        }
+/// The name in the view's address, as in `/api/v1/status`.
+impl fmt::Display for View {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
     }
 }
 
@@ -240,7 +236,7 @@ impl Site {
             return Some(Body::clone(&body));
         }
         let (responses, _) = self.responses.get()?;
-        views::map(&responses, x, y).map(|map| Body::of(&map))
+        views::map(&responses, x, y).map(Body::of_view)
     }
 
     /// A receiver of the changes of the status.
@@ -326,7 +322,7 @@ impl Site {
         {
             return Ok(Arc::clone(problem));
         }
-        let campaign = Campaign::parse("the store's campaign file", &row.file_text)?;
+        let campaign = Campaign::stored(&row.file_text)?;
         let problem = Arc::new(Problem::new(campaign));
         *work = Work {
             problem: Some((row.digest, Arc::clone(&problem))),
@@ -373,15 +369,16 @@ impl Site {
             };
             let run = OptimiserRun {
                 start: start as usize + 1,
-                best: search.history,
+                finished: false,
+                history: search.history,
                 restarts: Vec::new(),
             };
-            runs.insert((approach, run.start), (run, false));
+            runs.insert((approach, run.start), run);
         }
         for row in rows {
             let run = OptimiserRun::read(&problem, &row)?;
             if let Some((approach, _)) = names::approach_and_start(row.stream) {
-                runs.insert((approach, run.start), (run, true));
+                runs.insert((approach, run.start), run);
             }
         }
         in_background(move || views::convergence(&problem, runs)).await
@@ -403,7 +400,7 @@ impl Site {
 async fn in_background<V: Serialize>(
     make: impl FnOnce() -> V + Send + 'static,
 ) -> anyhow::Result<Body> {
-    let made = tokio::task::spawn_blocking(move || Body::of(&make())).await;
+    let made = tokio::task::spawn_blocking(move || Body::of_view(make())).await;
     Ok(made?)
 }
 
@@ -411,13 +408,18 @@ async fn in_background<V: Serialize>(
 fn of_status(view: View) -> Option<fn(&Status) -> Body> {
     match view {
         View::Status => Some(Body::of),
-        View::Workers => Some(|status| Body::of(&views::workers(status))),
-        View::Failures => Some(|status| Body::of(&views::failures(status))),
+        View::Workers => Some(|status| Body::of_view(views::workers(status))),
+        View::Failures => Some(|status| Body::of_view(views::failures(status))),
         View::Best | View::Responses | View::Convergence | View::Rounds => None,
     }
 }
 
 impl Body {
+    /// A view, with the version that all have except the status, which has its own.
+    fn of_view(view: impl Serialize) -> Self {
+        Self::of(&Versioned::new(view))
+    }
+
     pub(crate) fn of(view: &impl Serialize) -> Self {
         match serde_json::to_string(view) {
             Ok(json) => Self::new(json, true),
@@ -426,8 +428,7 @@ impl Body {
     }
 
     fn error(error: &str) -> Self {
-        let schema_version = views::SCHEMA_VERSION;
-        let json = serde_json::json!({ "schema_version": schema_version, "error": error });
+        let json = serde_json::json!({ "schema_version": SCHEMA_VERSION, "error": error });
         Self::new(json.to_string(), false)
     }
 

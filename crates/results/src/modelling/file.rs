@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
 
-use crate::modelling::{Error, InputError, Quantity, SCHEMA_VERSION};
+use crate::modelling::{Error, InputError, Quantity};
 
 /// A model with the names, units and bounds of its columns.
 #[derive(Debug, Clone)]
@@ -34,6 +34,9 @@ pub struct ModelInput {
     /// The highest value among the fitted points.
     pub high: f64,
 }
+
+/// Version of the file's form; raised when a change would make programs misread it.
+const SCHEMA_VERSION: u32 = 1;
 
 /// The file's JSON object.
 #[derive(Serialize, Deserialize)]

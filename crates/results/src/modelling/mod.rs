@@ -23,6 +23,3 @@ pub use predict::{PointPrediction, Predictions, predict};
 pub use quantity::Quantity;
 pub use summary::Summary;
 pub use table::Table;
-
-/// Version of the JSON that these functions write; raised when a change would make programs misread it.
-pub const SCHEMA_VERSION: u32 = 1;

@@ -2,13 +2,11 @@ use serde::Serialize;
 
 use crate::modelling::file::ModelInput;
 use crate::modelling::table::SkippedRows;
-use crate::modelling::{Error, InputError, ModelFile, Quantity, SCHEMA_VERSION, Table};
+use crate::modelling::{Error, InputError, ModelFile, Quantity, Table};
 
 /// The response at the rows of a table, as a model predicts it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Predictions {
-    /// Version of this object's form.
-    pub schema_version: u32,
     pub response: Quantity,
     /// The probability of `quantile`.
     pub level: f64,
@@ -107,7 +105,6 @@ pub fn predict(
         }
     });
     Ok(Predictions {
-        schema_version: SCHEMA_VERSION,
         response: model.response.clone(),
         level,
         interval,

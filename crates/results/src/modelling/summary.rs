@@ -6,14 +6,12 @@ use kriging::Settings;
 use serde::Serialize;
 
 use crate::modelling::table::{SkippedRows, UnusedColumn};
-use crate::modelling::{ModelFile, Quantity, Request, SCHEMA_VERSION, Table};
+use crate::modelling::{ModelFile, Quantity, Request, Table};
 
 /// The parameters and the validation of a model that was fitted to a table. Quantities of the response are
 /// in its unit; with a model of ln y, those marked "modelled scale" are of ln y.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Version of this object's form.
-    pub schema_version: u32,
     /// The table's file, as the user named it.
     pub file: String,
     /// How the table was read, if it is not plain CSV.
@@ -129,7 +127,6 @@ pub(crate) fn of(
             slope: parameters.slopes.get(j).copied(),
         });
     Summary {
-        schema_version: SCHEMA_VERSION,
         file: table.file().to_owned(),
         format: table.format().to_vec(),
         response: model.response.clone(),

@@ -61,8 +61,9 @@ impl Report {
     ///
     /// The store cannot be read, or holds what this version cannot read.
     pub async fn read(store: &Store, made: &[(String, String)]) -> anyhow::Result<Self> {
+        let store = &store.snapshot().await?;
         let snapshot = Snapshot::read(store).await?;
-        let status = status::read(store).await?;
+        let status = status::of(store, &snapshot.problem, &snapshot.optima).await?;
         let recommended = snapshot.optima.recommended();
         let best = recommended.and_then(|best| best.optimum.feasible());
         Ok(Self {

@@ -13,7 +13,7 @@ pub struct DoePoint {
     /// ΔSTE with Archard's wear, µm.
     pub delta_ste_archard_um: f64,
     /// Estimated measure of ΔSTE with random wear, µm.
-    pub p90_um: f64,
+    pub measure_um: f64,
 }
 
 /// The simulable designs, in their order.
@@ -29,7 +29,7 @@ pub(super) fn points(snapshot: &Snapshot) -> Vec<DoePoint> {
             DoePoint {
                 delta_ste_um: named("delta_ste_um").unwrap_or(f64::NAN),
                 delta_ste_archard_um: named("delta_ste_archard_um").unwrap_or(f64::NAN),
-                p90_um: percentiles.get(&row.design).copied().unwrap_or(f64::NAN),
+                measure_um: percentiles.get(&row.design).copied().unwrap_or(f64::NAN),
             }
         })
         .collect()
@@ -55,7 +55,7 @@ impl Response {
         match self {
             Self::Unworn => point.delta_ste_um,
             Self::Archard => point.delta_ste_archard_um,
-            Self::Percentile => point.p90_um,
+            Self::Percentile => point.measure_um,
         }
     }
 

@@ -2,6 +2,7 @@
 
 use problem::Approach;
 use problem::formulation::Problem;
+use serde::Serialize;
 use stages::infill::MORE;
 use stages::rounds::Round;
 use stages::snapshot::response_counts;
@@ -22,15 +23,15 @@ pub struct Enrichment {
     pub stop: String,
     /// Samples of the DoE that the first round rests on.
     pub doe_samples: u64,
-    /// Verified P90 of the recommended design, µm.
-    pub verified_um: Option<f64>,
+    /// The verified measure of the recommended design.
+    pub verified: Option<f64>,
     /// The 95 % interval in which an estimate from as many verification samples is to be expected, from the
-    /// model's uncertainty and the verification's, µm.
-    pub interval_of_estimate_um: Option<(f64, f64)>,
+    /// model's uncertainty and the verification's.
+    pub interval_of_estimate: Option<(f64, f64)>,
 }
 
 /// One round of infill.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct EnrichmentRound {
     /// The round, from 1.
     pub round: u64,
@@ -44,14 +45,37 @@ pub struct EnrichmentRound {
     pub failed: u64,
     /// Points that broke a constraint and got no samples.
     pub ruled_out: u64,
-    /// The largest expected improvement of an observation, µm.
+    /// The largest expected improvement of an observation; NaN without a model.
     pub expected_improvement: f64,
-    /// The model's prediction for the recommended design, µm.
+    /// The model's prediction for the recommended design; NaN without one.
     pub predicted: f64,
-    /// Lower end of its 95 % interval, µm.
+    /// Lower end of its 95 % interval.
     pub low: f64,
-    /// Upper end of it, µm.
+    /// Upper end of it.
     pub high: f64,
+}
+
+impl EnrichmentRound {
+    /// The figures of a round, with the `infill` points of all rounds.
+    pub(crate) fn of(round: &Round, infill: &[InfillRow]) -> Self {
+        let row = &round.row;
+        let points = || infill.iter().filter(|point| point.round == row.round);
+        let count = |is: fn(&InfillRow) -> bool| points().filter(|point| is(point)).count() as u64;
+        let sampled = points().filter(|point| !point.is_ruled_out());
+        let best = round.recommendation.as_ref();
+        Self {
+            round: row.round + 1,
+            new_designs: count(|point| point.reason != MORE),
+            further_turns: count(|point| point.reason == MORE),
+            samples: sampled.map(|point| point.samples).sum(),
+            failed: count(InfillRow::has_failed),
+            ruled_out: count(InfillRow::is_ruled_out),
+            expected_improvement: row.expected_improvement.unwrap_or(f64::NAN),
+            predicted: best.map_or(f64::NAN, |best| best.predicted),
+            low: best.map_or(f64::NAN, |best| best.interval.0),
+            high: best.map_or(f64::NAN, |best| best.interval.1),
+        }
+    }
 }
 
 /// `None` without an enrichment.
@@ -93,24 +117,7 @@ pub fn rounds(
     let (mut stop, mut recommendation) = (String::new(), None);
     for row in rows {
         let round = Round::read(row.clone())?;
-        let points = || infill.iter().filter(|point| point.round == row.round);
-        let further = points().filter(|point| point.reason == MORE).count() as u64;
-        let best = round.recommendation.as_ref();
-        rounds.push(EnrichmentRound {
-            round: round.row.round + 1,
-            new_designs: points().count() as u64 - further,
-            further_turns: further,
-            samples: points()
-                .filter(|point| !point.is_ruled_out())
-                .map(|point| point.samples)
-                .sum(),
-            failed: points().filter(|point| point.has_failed()).count() as u64,
-            ruled_out: points().filter(|point| point.is_ruled_out()).count() as u64,
-            expected_improvement: round.row.expected_improvement.unwrap_or(f64::NAN),
-            predicted: best.map_or(f64::NAN, |best| best.predicted),
-            low: best.map_or(f64::NAN, |best| best.interval.0),
-            high: best.map_or(f64::NAN, |best| best.interval.1),
-        });
+        rounds.push(EnrichmentRound::of(&round, infill));
         stop = round
             .stop
             .as_ref()
@@ -124,8 +131,8 @@ pub fn rounds(
         tolerance: section.tolerance,
         stop,
         doe_samples: 0,
-        verified_um: verified.map(|verified| verified.value),
-        interval_of_estimate_um: recommendation.zip(verified).and_then(|(best, verified)| {
+        verified: verified.map(|verified| verified.value),
+        interval_of_estimate: recommendation.zip(verified).and_then(|(best, verified)| {
             // Both are uncertain, the model and the verification.
             let (low, high) = verified.interval?;
             let half = best.half_width().hypot(0.5 * (high - low));

@@ -59,4 +59,4 @@ pub use runs::OptimiserRun;
 pub use svg::{Axis, Chart, Mark, Picture, Scale, Series};
 pub use symbols::symbol;
 pub use wear::WearProfiles;
-pub use write::{CHARTS, FILE, write};
+pub use write::{FILE, write, write_file};

@@ -151,7 +151,7 @@ fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
         let plain = Controlled::plain(samples);
         let response = responses::response(0, plain, &of_paper).ok()?;
         let variance =
-            stats::p90_variance(response.standard_deviation.powi(2), k, of_paper.normal().z);
+            stats::percentile_variance(response.standard_deviation.powi(2), k, of_paper.normal().z);
         Some(PreliminaryDesign {
             number: row + 1,
             printed,

@@ -5,18 +5,22 @@ use std::collections::BTreeMap;
 use problem::Approach;
 use problem::formulation::Problem;
 use problem::optimise::RunResult;
+use serde::Serialize;
 use stages::names;
 use store::OptimiserRunRow;
 
 use crate::snapshot::Snapshot;
 
 /// A run of an optimiser from one start.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OptimiserRun {
     /// The start's number, from 1.
     pub start: usize,
+    /// Whether the run is finished. The live page also shows runs on an external simulator while they are in
+    /// progress.
+    pub finished: bool,
     /// (evaluations so far, best penalised objective so far), in the order of the run.
-    pub best: Vec<(u64, f64)>,
+    pub history: Vec<(u64, f64)>,
     /// Evaluations at which the run restarted.
     pub restarts: Vec<u64>,
 }
@@ -34,7 +38,8 @@ impl OptimiserRun {
         restarts.sort_unstable();
         Ok(Self {
             start: run.start as usize + 1,
-            best: run.history,
+            finished: true,
+            history: run.history,
             restarts,
         })
     }

@@ -92,7 +92,7 @@ fn margin(constraint: &Constraint) -> [String; 4] {
         with_unit(constraint.value, 4, unit),
         format!(
             "{} {}",
-            constraint.bound.sign(),
+            constraint.bound,
             with_unit(constraint.limit, 4, unit)
         ),
         format!("{}{share}", with_unit(margin, 3, unit)),

@@ -6,16 +6,16 @@ use anyhow::Context as _;
 use store::Store;
 
 use super::contents::Report;
-use super::page::render;
+use super::page::{ReportFiles, render};
 
 /// The page's name in the report's folder.
 pub const FILE: &str = "report.html";
 
 /// The folder of the charts in the report's folder.
-pub const CHARTS: &str = "charts";
+const CHARTS: &str = "charts";
 
-/// Writes [`FILE`] into the folder `out`, which is made if need be, and its charts into [`CHARTS`]; returns
-/// the page's path. `made` says where and when, as (label, value).
+/// Writes [`FILE`] into the folder `out`, which is made if need be, with its charts; returns the page's path. `made`
+/// says where and when, as (label, value).
 ///
 /// # Errors
 ///
@@ -25,34 +25,50 @@ pub async fn write(
     out: &Path,
     made: &[(String, String)],
 ) -> anyhow::Result<PathBuf> {
-    let files = render(&Report::read(store, made).await?)?;
-    let charts = out.join(CHARTS);
-    std::fs::create_dir_all(&charts)
-        .with_context(|| format!("cannot make the folder {}", charts.display()))?;
-    for chart in &files.charts {
-        // Names of variables may hold characters that names of files may not.
-        let plain = |c: char| {
-            if c.is_alphanumeric() || "-_".contains(c) {
-                c
-            } else {
-                '-'
-            }
-        };
-        let name: String = chart.name.chars().map(plain).collect();
-        replace(&charts.join(format!("{name}.svg")), &chart.svg)?;
-        if let Some(csv) = &chart.csv {
-            replace(&charts.join(format!("{name}.csv")), csv)?;
-        }
-    }
-    let path = out.join(FILE);
-    replace(&path, &files.html)?;
-    Ok(path)
+    render(&Report::read(store, made).await?)?.write(out, FILE)
 }
 
-/// Writes a draft and renames it, so that the file is never half-written.
-fn replace(path: &Path, text: &str) -> anyhow::Result<()> {
-    let draft = path.with_added_extension("part");
-    std::fs::write(&draft, text)
-        .and_then(|()| std::fs::rename(&draft, path))
+impl ReportFiles {
+    /// Writes the page as the file `name` into the folder `out`, and its charts into the folder `charts` there; returns
+    /// the page's path.
+    ///
+    /// # Errors
+    ///
+    /// A file cannot be written.
+    pub fn write(&self, out: &Path, name: &str) -> anyhow::Result<PathBuf> {
+        let charts = out.join(CHARTS);
+        for chart in &self.charts {
+            // Names of variables may hold characters that names of files may not.
+            let plain = |c: char| {
+                if c.is_alphanumeric() || "-_".contains(c) {
+                    c
+                } else {
+                    '-'
+                }
+            };
+            let name: String = chart.name.chars().map(plain).collect();
+            write_file(&charts, &format!("{name}.svg"), &chart.svg)?;
+            if let Some(csv) = &chart.csv {
+                write_file(&charts, &format!("{name}.csv"), csv)?;
+            }
+        }
+        write_file(out, name, &self.html)?;
+        Ok(out.join(name))
+    }
+}
+
+/// Writes a file into the folder `out`, which is created if need be. The file is never left
+/// half-written.
+///
+/// # Errors
+///
+/// The folder or the file cannot be written.
+pub fn write_file(out: &Path, name: &str, content: impl AsRef<[u8]>) -> anyhow::Result<()> {
+    std::fs::create_dir_all(out)
+        .with_context(|| format!("cannot make the folder {}", out.display()))?;
+    let path = out.join(name);
+    let draft = out.join(format!("{name}.part"));
+    std::fs::write(&draft, content)
+        .and_then(|()| std::fs::rename(&draft, &path))
         .with_context(|| format!("cannot write {}", path.display()))
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use ledger::StreamId;
+use ledger::{Kind, StreamId};
 use problem::formulation::Problem;
 use stages::names;
 use stages::stage::Stage;
@@ -24,15 +24,20 @@ use crate::{doubts, snapshot};
 /// The store cannot be read, or its campaign file cannot.
 pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let store = &store.snapshot().await?;
-    let row = store.campaign().await?;
     let problem = snapshot::problem(store).await?;
+    let optima = Optima::read(store, &problem).await?;
+    of(store, &problem, &optima).await
+}
+
+/// The status of a campaign, with the optima `found` in the same snapshot of its store.
+pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyhow::Result<Status> {
+    let row = store.campaign().await?;
     let campaign = problem.campaign();
     let progress = store.progress().await?;
     let tallies = store.sample_tallies().await?;
-    let found = Optima::read(store, &problem).await?;
     let optima: Vec<OptimumStatus> = found
         .iter()
-        .map(|one| OptimumStatus::of(&problem, one))
+        .map(|one| OptimumStatus::of(problem, one))
         .collect();
     let wanted = u64::from(campaign.doe.designs);
     let per_design = u64::from(campaign.sampling.samples_per_design);
@@ -41,8 +46,8 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     let stage = stage.and_then(|name| Stage::named(&name));
     // No coordinator has seen the campaign yet.
     let stage = stage.unwrap_or(Stage::Doe);
-    let mut warnings = doubts::of(store, &problem).await?;
-    warnings.extend(found.doubts(&problem));
+    let mut warnings = doubts::of(store, problem).await?;
+    warnings.extend(found.doubts(problem));
     if stage == Stage::Done {
         let open = store
             .missing_work(per_design, &BTreeMap::new())
@@ -82,7 +87,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
             done: progress.optimiser_runs,
             wanted: problem.optimiser_runs(),
         },
-        unfinished_runs: unfinished_runs(store, &problem).await?,
+        unfinished_runs: unfinished_runs(store, problem).await?,
         enrichment,
         measure: campaign.measure_name(),
         unit: problem.measured().unit.to_string(),
@@ -94,7 +99,7 @@ pub async fn read(store: &Store) -> anyhow::Result<Status> {
     };
     let to_verify = problem.approaches().count() as u64 * u64::from(campaign.verify.first());
     status.stages = status.each_stage(to_verify, campaign.enrichment.is_some());
-    time(store, &mut status, &problem).await?;
+    time(store, &mut status, problem).await?;
     Ok(status)
 }
 
@@ -129,15 +134,12 @@ async fn unfinished_runs(
         .map(|row| row.stream)
         .collect();
     let mut evaluated = store.evaluated().await?;
-    evaluated.retain(|stream, _| !finished.contains(stream));
+    evaluated.retain(|stream, _| stream.kind == Kind::Run && !finished.contains(stream));
     Ok(evaluated
         .into_iter()
-        .filter_map(|(stream, (done, _))| {
-            let (approach, start) = names::approach_and_start(stream)?;
-            Some(UnfinishedRun {
-                name: format!("{} {start}", approach.name()),
-                evaluations: Progress { done, wanted },
-            })
+        .map(|(stream, (done, _))| UnfinishedRun {
+            name: names::stream_name(stream),
+            evaluations: Progress { done, wanted },
         })
         .collect())
 }

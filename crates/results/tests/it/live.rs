@@ -96,7 +96,7 @@ async fn every_address_answers_and_others_are_told_which_there_are() {
         "/page.css".to_owned(),
         "/healthz".to_owned(),
     ];
-    addresses.extend(View::ALL.map(|view| format!("/api/v1/{}", view.name())));
+    addresses.extend(View::ALL.map(|view| format!("/api/v1/{view}")));
     addresses.push("/api/v1/map/0/1".to_owned());
     for path in &addresses {
         let answer = server.ask(path);

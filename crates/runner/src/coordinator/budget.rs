@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use problem::formulation::Problem;
+use stages::calls;
 use store::Store;
 
 use crate::coordinator::board::Board;
@@ -58,9 +59,7 @@ pub(crate) async fn used_up(
             ));
         }
         let progress = store.progress().await?;
-        let width = problem.sampled().len() as u64;
-        let samples =
-            progress.samples + progress.point_samples + progress.evaluation_values / width;
+        let samples = calls::samples(problem, &progress);
         if let Some(most) = budget.samples.filter(|most| samples >= *most) {
             return Ok(format!(
                 "budget.samples is {most}, and there are {samples} samples"

@@ -135,8 +135,7 @@ pub async fn open_store(
     };
     let store = Store::create_or_open_with(db, &row, |held| {
         // A campaign in another version's format has no keys to compare.
-        let held = Campaign::parse("the store's campaign file", &held.file_text)
-            .map_err(|_| Vec::new())?;
+        let held = Campaign::stored(&held.file_text).map_err(|_| Vec::new())?;
         if campaign.extends(&held) {
             return Ok(());
         }

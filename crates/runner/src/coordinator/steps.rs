@@ -339,7 +339,13 @@ impl Steps {
         let linear = self.linear_responses(base).await?;
         let control = linear.values().map(LinearResponse::analyses).sum();
         let times = self.store.job_times().await?;
-        Ok(cost::sampling(&criteria, samples, control, &times))
+        Ok(cost::sampling(
+            &self.problem,
+            &criteria,
+            samples,
+            control,
+            &times,
+        ))
     }
 }
 

@@ -36,7 +36,7 @@ impl Stopwatch {
     /// Stores the stage that the campaign waits for from now on.
     pub(crate) async fn enter(&mut self, stage: Stage) -> Result<(), store::Error> {
         if self.current != Some(stage) {
-            self.store.put_stage(stage.name()).await?;
+            self.store.put_stage(&stage.to_string()).await?;
             self.current = Some(stage);
         }
         self.measure(Some(stage).filter(|stage| *stage != Stage::Done))
@@ -55,10 +55,10 @@ impl Stopwatch {
             if stage == Some(last) && elapsed < STORED_EVERY {
                 return Ok(());
             }
-            let seconds = self.stored.entry(last.name().to_owned()).or_default();
+            let seconds = self.stored.entry(last.to_string()).or_default();
             *seconds += elapsed.as_secs_f64();
             let row = StageTimeRow {
-                stage: last.name().to_owned(),
+                stage: last.to_string(),
                 wall_seconds: *seconds,
             };
             self.store.put_stage_time(&row).await?;

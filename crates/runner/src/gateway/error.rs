@@ -3,7 +3,6 @@
 use std::io;
 use std::path::PathBuf;
 
-use crate::exit::{self, HasExitCode};
 use crate::protocol::Refusal;
 
 use crate::gateway::tls::TlsFault;
@@ -78,27 +77,5 @@ impl Error {
                 ..
             }
         )
-    }
-}
-
-impl HasExitCode for Error {
-    fn exit_code(&self) -> u8 {
-        match self {
-            Self::Unreachable { .. }
-            | Self::Away { .. }
-            | Self::Gone { .. }
-            | Self::NoAccess { .. } => exit::UNREACHABLE,
-            Self::Refused { .. } | Self::Tls { .. } => exit::REFUSED,
-            Self::SeveralCoordinators { .. } => exit::USAGE,
-            Self::NoFolder
-            | Self::Unreadable { .. }
-            | Self::Exposed { .. }
-            | Self::Malformed { .. }
-            | Self::Write { .. } => exit::FILE_ACCESS,
-            Self::InUse { .. } => exit::CANNOT_LISTEN,
-            Self::Secrets { .. } | Self::InvalidAnswer { .. } | Self::Failed { .. } => {
-                exit::FAILURE
-            }
-        }
     }
 }

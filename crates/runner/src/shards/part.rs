@@ -14,9 +14,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 
 use crate::shards::error::Error;
-use crate::shards::shard::{Shard, write_whole};
+use crate::shards::shard::{SCHEMA_VERSION, Shard, write_whole};
 
-const SCHEMA_VERSION: u32 = 1;
 /// The beginning of the plan of undelivered results; the id of a plan is hex.
 const UNDELIVERED: &str = "undelivered-";
 /// Size of a record before its content, in bytes.

@@ -10,7 +10,8 @@ use sha2::{Digest as _, Sha256};
 
 use crate::shards::error::Error;
 
-const SCHEMA_VERSION: u32 = 1;
+/// Version of the files of shards and parts.
+pub(super) const SCHEMA_VERSION: u32 = 1;
 
 /// A shard: the jobs of one node.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

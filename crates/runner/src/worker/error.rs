@@ -1,7 +1,5 @@
 //! The errors that end a worker.
 
-use crate::exit::{self, HasExitCode};
-
 /// An error that ends a worker.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -15,15 +13,4 @@ pub enum Error {
     Machine { reason: String },
     #[error("cannot start {slots} compute threads: {reason}")]
     Threads { slots: usize, reason: String },
-}
-
-impl HasExitCode for Error {
-    fn exit_code(&self) -> u8 {
-        match self {
-            Self::Gateway(error) => error.exit_code(),
-            Self::WrongSimulator { .. } => exit::REFUSED,
-            Self::Machine { .. } => exit::FILE_ACCESS,
-            Self::Program { .. } | Self::Threads { .. } => exit::FAILURE,
-        }
-    }
 }

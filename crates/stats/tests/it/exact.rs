@@ -1,8 +1,8 @@
 use rand_distr::{Distribution, StandardNormal};
 use stats::streams::{Purpose, stream};
 use stats::{
-    EXACT_Z90, Error, NormalOptions, PAPER_Z90, VarianceFormula, c4, exact_p90_variance,
-    normal_p90, p90_variance, percentile_p90, sd_bias,
+    EXACT_Z90, Error, NormalOptions, PAPER_Z90, VarianceFormula, c4, exact_percentile_variance,
+    normal_p90, percentile_p90, percentile_variance, sd_bias,
 };
 
 #[test]
@@ -34,15 +34,15 @@ fn c4_is_that_of_the_tables() {
 #[test]
 fn taylor_and_exact_variances_agree_for_many_samples() {
     for (k, tolerance) in [(4, 0.3), (30, 2e-2), (1000, 1e-3), (100_000, 1e-5)] {
-        let taylor = p90_variance(2.0, k, PAPER_Z90).unwrap();
-        let exact = exact_p90_variance(2.0, k, PAPER_Z90).unwrap();
+        let taylor = percentile_variance(2.0, k, PAPER_Z90).unwrap();
+        let exact = exact_percentile_variance(2.0, k, PAPER_Z90).unwrap();
         assert!(
             (taylor / exact - 1.0).abs() < tolerance,
             "{k}: {taylor} {exact}"
         );
     }
-    assert!(exact_p90_variance(-1.0, 10, 1.28).is_err());
-    assert!(exact_p90_variance(1.0, 10, f64::NAN).is_err());
+    assert!(exact_percentile_variance(-1.0, 10, 1.28).is_err());
+    assert!(exact_percentile_variance(1.0, 10, f64::NAN).is_err());
 }
 
 #[test]
@@ -67,7 +67,7 @@ fn moments_agree_with_simulation() {
     }
     let count = repeats as f64;
     let variance = squares / count - (plain / count).powi(2);
-    let exact = exact_p90_variance(1.0, k, EXACT_Z90).unwrap();
+    let exact = exact_percentile_variance(1.0, k, EXACT_Z90).unwrap();
     // Standard errors: of a mean √(0.32/200 000) = 0.0013, of a variance 0.32 √(2/200 000) = 0.001.
     // The tolerances are four of them.
     assert!((variance - exact).abs() < 0.004, "{variance} {exact}");
@@ -76,7 +76,7 @@ fn moments_agree_with_simulation() {
     assert!((plain / count - EXACT_Z90 - bias).abs() < 0.005);
     assert!((corrected / count - EXACT_Z90).abs() < 0.005);
     // Taylor's variance is off by more than that error here.
-    assert!((p90_variance(1.0, k, EXACT_Z90).unwrap() - exact).abs() > 0.01);
+    assert!((percentile_variance(1.0, k, EXACT_Z90).unwrap() - exact).abs() > 0.01);
 }
 
 #[test]

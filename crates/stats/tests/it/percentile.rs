@@ -1,6 +1,6 @@
 use rand_distr::{Distribution, StandardNormal};
 use stats::streams::{Purpose, stream};
-use stats::{PAPER_Z90, Percentile, p90_interval, p90_variance, percentile_p90};
+use stats::{PAPER_Z90, Percentile, percentile_interval, percentile_p90, percentile_variance};
 
 /// Mean, SD and P90 of the paper's Table 1, and var(P90) for k = 30 of its Table 2.
 const PAPER: [(f64, f64, f64, f64); 4] = [
@@ -13,7 +13,7 @@ const PAPER: [(f64, f64, f64, f64); 4] = [
 #[test]
 fn table_2_follows_from_table_1() {
     for (mean, sd, p90, variance) in PAPER {
-        let ours = p90_variance(sd * sd, 30, PAPER_Z90).unwrap();
+        let ours = percentile_variance(sd * sd, 30, PAPER_Z90).unwrap();
         // Table 2 prints three decimals, rounded half up.
         assert!(
             (ours - variance).abs() <= 0.0005,
@@ -53,12 +53,12 @@ fn variance_and_interval_agree_with_simulation() {
         let p = percentile_p90(&sample).unwrap();
         sum += p.p90;
         squares += p.p90 * p.p90;
-        let (low, high) = p90_interval(&p, 0.9).unwrap();
+        let (low, high) = percentile_interval(&p, 0.9).unwrap();
         covered += usize::from(low <= truth && truth <= high);
     }
     let count = repeats as f64;
     let variance = squares / count - (sum / count).powi(2);
-    let formula = p90_variance(1.0, k, PAPER_Z90).unwrap();
+    let formula = percentile_variance(1.0, k, PAPER_Z90).unwrap();
     // Three simulation errors of √(2/40000) = 0.7 %; the expansion itself is within 1 %.
     assert!(
         (variance / formula - 1.0).abs() < 0.03,
@@ -79,16 +79,16 @@ fn the_interval_uses_student_quantiles() {
         variance: 4.0,
     };
     // t(0.975; 29) = 2.04523 in any table.
-    let (low, high) = p90_interval(&p, 0.95).unwrap();
+    let (low, high) = percentile_interval(&p, 0.95).unwrap();
     assert!((low - (10.0 - 2.0 * 2.04523)).abs() < 2e-5, "{low}");
     assert!((high - (10.0 + 2.0 * 2.04523)).abs() < 2e-5, "{high}");
 }
 
 #[test]
 fn refusals() {
-    assert!(p90_variance(-1.0, 30, 1.28).is_err());
-    assert!(p90_variance(f64::NAN, 30, 1.28).is_err());
-    assert!(p90_variance(1.0, 30, f64::NAN).is_err());
+    assert!(percentile_variance(-1.0, 30, 1.28).is_err());
+    assert!(percentile_variance(f64::NAN, 30, 1.28).is_err());
+    assert!(percentile_variance(1.0, 30, f64::NAN).is_err());
     assert_eq!(
         percentile_p90(&[1.0, f64::NAN, 3.0, 4.0])
             .unwrap_err()
@@ -97,6 +97,6 @@ fn refusals() {
     );
     let p = percentile_p90(&[1.0; 4]).unwrap();
     for confidence in [0.0, 1.0, -0.1, f64::NAN] {
-        assert!(p90_interval(&p, confidence).is_err());
+        assert!(percentile_interval(&p, confidence).is_err());
     }
 }

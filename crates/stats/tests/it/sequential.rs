@@ -1,4 +1,4 @@
-use stats::{Error, SequentialRule, VarianceFormula, p90_variance, samples_needed};
+use stats::{Error, SequentialRule, VarianceFormula, percentile_variance, samples_needed};
 
 fn rule(precision: f64, batch: usize, most: usize) -> SequentialRule {
     SequentialRule {
@@ -20,7 +20,7 @@ fn the_number_is_the_smallest_that_suffices() {
     // From 60 on, one step reaches the goal.
     let more = samples_needed(60, 1.3, &rule).unwrap();
     assert!(more > 10 && more < 60, "{more}");
-    let error = |k: usize| p90_variance(1.3 * 1.3, k, 1.28).unwrap().sqrt();
+    let error = |k: usize| percentile_variance(1.3 * 1.3, k, 1.28).unwrap().sqrt();
     assert!(error(60 + more) <= 0.2 && error(60 + more - 1) > 0.2);
     assert_eq!(samples_needed(60 + more, 1.3, &rule).unwrap(), 0);
 }

@@ -1,16 +1,15 @@
 //! The designs that are compared, and the front of those that no other is better than.
 
 use anyhow::Context as _;
-use problem::file::Sampling;
 use problem::formulation::Problem;
 use problem::simulator::State;
 use problem::{Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
+use results::optima::{Optima, VerifiedOptimum};
 use stats::Verified;
 use store::{CriteriaRow, Store};
 
 use crate::direct::{self, Start};
-use crate::finished::FeasibleOptimum;
 use crate::samples;
 
 /// The number of the first search; those of corrections have lower numbers.
@@ -174,7 +173,7 @@ pub async fn of_doe(
             p90: Verified {
                 n: samples,
                 value: response.measure,
-                interval: stats::p90_interval(&estimate, 0.95).ok(),
+                interval: stats::percentile_interval(&estimate, 0.95).ok(),
             },
             verified: None,
             on_front: false,
@@ -183,24 +182,22 @@ pub async fn of_doe(
     Ok(points)
 }
 
-/// The optima of a finished campaign.
+/// The feasible optima of a finished campaign, in the order of the approaches.
 #[must_use]
-pub fn of_optima(sampling: &Sampling, optima: &[FeasibleOptimum]) -> Vec<Point> {
-    optima
-        .iter()
-        .filter_map(|optimum| {
-            let p90 = sampling.verified(&optimum.verified).ok()?;
-            Some(Point {
-                source: Source::Optimum(optimum.approach.name()),
-                variables: optimum.variables,
-                criteria: optimum.criteria,
-                p90,
-                verified: Some(p90),
-                on_front: false,
-            })
+pub fn of_optima(optima: &Optima) -> Vec<Point> {
+    let point = |verified: &VerifiedOptimum| {
+        let found = verified.optimum.feasible()?;
+        let p90 = verified.measure.filter(|p90| p90.value.is_finite())?;
+        Some(Point {
+            source: Source::Optimum(verified.optimum.approach.name()),
+            variables: found.design.gears(),
+            criteria: found.criteria.gears(),
+            p90,
+            verified: Some(p90),
+            on_front: false,
         })
-        .filter(|point| point.p90.value.is_finite())
-        .collect()
+    };
+    optima.iter().filter_map(point).collect()
 }
 
 /// The non-dominated points, by `p90` and the second objective, in ascending order of the latter.

@@ -7,13 +7,13 @@ use problem::formulation::Problem;
 use problem::formulation::gears::VARIABLE_NAMES;
 use results::number::{MISSING, fixed};
 use results::report::charts::{self, PercentileSeries};
-use results::report::{Error, Picture};
+use results::report::{Error, Picture, write_file};
 use results::row;
 use results::table::{Cell, Column, Table};
 
 use super::front::{Objective, Point, Source};
 use crate::table::{
-    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval, write,
+    CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval,
 };
 
 /// Writes `pareto.csv`, `pareto.md` and `pareto.svg` into `out`; returns what it wrote. `all` are
@@ -33,7 +33,7 @@ pub fn write_tables(
 ) -> anyhow::Result<Document> {
     let sampling = &problem.campaign().sampling;
     let figures = all_figures(sampling, marked);
-    write(out, "pareto.csv", figures.csv()?)?;
+    write_file(out, "pareto.csv", figures.csv()?)?;
     let mut page = format!(
         "# {}: {} of ΔSTE against the {}\n\n\
          {} designs of the DoE satisfy the constraints other than that on {} (below {} MPa). The \
@@ -57,12 +57,12 @@ pub fn write_tables(
     }
     match chart(problem, against, all, marked) {
         Ok(chart) => {
-            write(out, "pareto.svg", chart.standalone())?;
+            write_file(out, "pareto.svg", chart.standalone())?;
             page += "\n![The front](pareto.svg)\n";
         }
         Err(why) => page += &format!("\n{why}\n"),
     }
-    write(out, "pareto.md", &page)?;
+    write_file(out, "pareto.md", &page)?;
     Ok(Document {
         page,
         tables: vec![("pareto", figures)],

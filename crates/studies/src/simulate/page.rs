@@ -9,7 +9,6 @@ use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
 
 use super::{Figures, Request, Simulation, WearChoice, text};
-use crate::table;
 
 /// Number of random wear profiles on the page.
 const WEAR_PROFILES: u64 = 10;
@@ -51,16 +50,16 @@ pub fn write_page(
         ("pressure.svg", charts::pressure(&page.pressure)?),
         ("contact.svg", charts::contact(&page.contact)?),
     ] {
-        table::write(out, name, chart.standalone())?;
+        report::write_file(out, name, chart.standalone())?;
     }
     if let Some(wear) = &page.wear {
         let chart = charts::wear(wear, charts::FULL)?;
-        table::write(out, "wear.svg", chart.standalone())?;
-        table::write(out, "wear.csv", curves.wear_table().csv()?)?;
+        report::write_file(out, "wear.svg", chart.standalone())?;
+        report::write_file(out, "wear.csv", curves.wear_table().csv()?)?;
     }
-    table::write(out, "ste.csv", curves.ste_table().csv()?)?;
-    table::write(out, "pressure.csv", curves.pressure_table().csv()?)?;
-    table::write(out, "pair.html", report::render_pair(&page)?)?;
+    report::write_file(out, "ste.csv", curves.ste_table().csv()?)?;
+    report::write_file(out, "pressure.csv", curves.pressure_table().csv()?)?;
+    report::write_file(out, "pair.html", report::render_pair(&page)?)?;
     Ok(Some(out.join("pair.html")))
 }
 

@@ -7,8 +7,8 @@ use stats::streams::{Purpose, StreamRng, stream};
 use stats::{
     ChoiceRule, Control, EXACT_Z90, Error, Method as Estimator, PAPER_Z90, Percentile,
     SensitivityPlan, SequentialRule, VarianceFormula, choose, control_variate_p90,
-    harrell_davis_p90, lilliefors, mean_sd, p90_interval, p90_variance, percentile_p90,
-    samples_needed,
+    harrell_davis_p90, lilliefors, mean_sd, percentile_interval, percentile_p90,
+    percentile_variance, samples_needed,
 };
 
 use crate::stability::outcome::{EntryError, Outcome, variant};
@@ -138,7 +138,7 @@ fn skewed(outcome: &mut Outcome) -> Result<(), EntryError> {
             let (mut inside, mut not_normal) = (0, 0);
             for _ in 0..times {
                 let samples: Vec<f64> = (0..k).map(|_| draw(&mut rng)).collect();
-                let interval = p90_interval(&percentile_p90(&samples)?, 0.95)?;
+                let interval = percentile_interval(&percentile_p90(&samples)?, 0.95)?;
                 inside += u32::from(covers(interval, TRUTHS[which]));
                 not_normal += u32::from(lilliefors(&samples)?.p_value < 0.05);
             }
@@ -211,7 +211,7 @@ fn chosen(outcome: &mut Outcome) -> Result<(), EntryError> {
         for _ in 0..times {
             let samples: Vec<f64> = (0..k).map(|_| log_normal(&mut rng)).collect();
             let estimate = percentile_p90(&samples)?;
-            of_normal += u32::from(covers(p90_interval(&estimate, 0.95)?, TRUTHS[2]));
+            of_normal += u32::from(covers(percentile_interval(&estimate, 0.95)?, TRUTHS[2]));
             let choice = choose(&samples, &ChoiceRule::default())?.chosen;
             changes += u32::from(choice.method == Estimator::DistributionFree);
             let estimate = Percentile {
@@ -219,7 +219,7 @@ fn chosen(outcome: &mut Outcome) -> Result<(), EntryError> {
                 variance: choice.variance,
                 ..estimate
             };
-            of_chosen += u32::from(covers(p90_interval(&estimate, 0.95)?, TRUTHS[2]));
+            of_chosen += u32::from(covers(percentile_interval(&estimate, 0.95)?, TRUTHS[2]));
         }
         let share = |count: u32| [k as f64, 100.0 * f64::from(count) / f64::from(times)];
         plain.push(share(of_normal));
@@ -296,7 +296,7 @@ fn too_few(outcome: &mut Outcome) -> Result<(), EntryError> {
         "at least 4 samples, got 3",
     );
     lacks(
-        p90_variance(1.0, 3, PAPER_Z90).map(drop),
+        percentile_variance(1.0, 3, PAPER_Z90).map(drop),
         "at least 4 samples, got 3",
     );
     lacks(lilliefors(&three).map(drop), "at least 4 samples, got 3");

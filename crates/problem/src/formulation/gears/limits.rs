@@ -1,5 +1,6 @@
 //! The constraints on a gear pair: the limits in a file, and the defaults of absent ones.
 
+use super::super::Bound::{Above, AtLeast, AtMost, Below};
 use super::super::Constraint;
 use super::{GearCriteria, GearDetails};
 use crate::file::{GearLimits, Material};
@@ -17,23 +18,20 @@ pub fn constraints(
     let mut all = Vec::new();
     let contact = criteria.contact_ratio;
     let limit = limits.contact_ratio_min;
-    all.extend(limit.map(|limit| Constraint::above("contact ratio", "", contact, limit)));
+    all.extend(limit.map(|limit| Constraint::new("contact ratio", "", contact, Above, limit)));
     let sliding = criteria.specific_sliding;
     let limit = limits.specific_sliding_max;
-    all.extend(limit.map(|limit| Constraint::below("specific sliding", "", sliding, limit)));
+    all.extend(limit.map(|limit| Constraint::new("specific sliding", "", sliding, Below, limit)));
     let limit = limits.root_stress_max(material);
-    all.push(Constraint::below(
-        "root stress",
-        "MPa",
-        criteria.root_stress_mpa,
-        limit,
-    ));
+    let stress = criteria.root_stress_mpa;
+    all.push(Constraint::new("root stress", "MPa", stress, Below, limit));
     let limit = limits.hertz_pressure_max(material);
     let pressure = criteria.hertz_pressure_mpa;
-    all.push(Constraint::below(
+    all.push(Constraint::new(
         "contact pressure",
         "MPa",
         pressure,
+        Below,
         limit,
     ));
     let clearance = module * limits.tip_clearance_min_modules.unwrap_or_default();
@@ -55,13 +53,13 @@ pub fn constraints(
                 .zip(values)
                 .map(|(name, value)| Constraint {
                     scale: module,
-                    ..Constraint::at_least(name, "mm", value, limit)
+                    ..Constraint::new(name, "mm", value, AtLeast, limit)
                 }),
         );
     }
     let (least, most) = (limits.normal_module_min_mm, limits.normal_module_max_mm);
-    all.extend(least.map(|limit| Constraint::at_least("normal module", "mm", module, limit)));
-    all.extend(most.map(|limit| Constraint::at_most("normal module", "mm", module, limit)));
+    all.extend(least.map(|limit| Constraint::new("normal module", "mm", module, AtLeast, limit)));
+    all.extend(most.map(|limit| Constraint::new("normal module", "mm", module, AtMost, limit)));
     if let Some(details) = &criteria.details {
         all.extend(of_details(limits, module, details));
     }
@@ -73,7 +71,8 @@ fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Co
     let transverse = details.transverse_contact_ratio;
     let limit = limits.transverse_contact_ratio_min;
     all.extend(
-        limit.map(|limit| Constraint::above("transverse contact ratio", "", transverse, limit)),
+        limit
+            .map(|limit| Constraint::new("transverse contact ratio", "", transverse, Above, limit)),
     );
     for (names, unit, values, limit) in [
         (
@@ -100,13 +99,13 @@ fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Co
         let each = names.into_iter().zip(values);
         all.extend(each.map(|(name, value)| Constraint {
             scale,
-            ..Constraint::at_least(name, unit, value, limit)
+            ..Constraint::new(name, unit, value, AtLeast, limit)
         }));
     }
     let distance = details.centre_distance_mm;
     let (least, most) = (limits.centre_distance_min_mm, limits.centre_distance_max_mm);
     let name = "centre distance";
-    all.extend(least.map(|limit| Constraint::at_least(name, "mm", distance, limit)));
-    all.extend(most.map(|limit| Constraint::at_most(name, "mm", distance, limit)));
+    all.extend(least.map(|limit| Constraint::new(name, "mm", distance, AtLeast, limit)));
+    all.extend(most.map(|limit| Constraint::new(name, "mm", distance, AtMost, limit)));
     all
 }

@@ -9,12 +9,11 @@ use stats::Verified;
 use crate::optima::{VerifiedLimit, VerifiedOptimum};
 use crate::report::{self, NamedValue, charts};
 
-use super::{Chart, SCHEMA_VERSION};
+use super::Chart;
 
 /// The best design so far.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Best {
-    pub schema_version: u32,
     /// Whether the campaign is finished. Before that, the result is not conclusive.
     pub finished: bool,
     /// Name of the minimised measure, such as P90.
@@ -85,7 +84,6 @@ pub fn best(
         }
     };
     Best {
-        schema_version: SCHEMA_VERSION,
         finished,
         measure: problem.measured().name.to_string(),
         response: problem.objective().response.name.to_string(),

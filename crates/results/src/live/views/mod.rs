@@ -1,4 +1,4 @@
-//! The views of the page, as objects with a `schema_version`.
+//! The views of the page.
 //!
 //! The status is that of `coordinator status`.
 
@@ -14,17 +14,13 @@ use serde::Serialize;
 
 pub use best::{Best, BestDesign, BestOfDoe, best, of_optimum};
 pub use chart::Chart;
-pub use convergence::{ApproachRuns, Convergence, Run, convergence};
+pub use convergence::{ApproachRuns, Convergence, convergence};
 pub use responses::{Coordinate, Map, Point, Responses, map, responses};
-pub use rounds::{Round, Rounds, rounds};
-
-/// The version of all views except the status, which has its own.
-pub const SCHEMA_VERSION: u32 = 1;
+pub use rounds::{Rounds, rounds};
 
 /// The workers of a running coordinator.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Workers {
-    pub schema_version: u32,
     /// Whether a coordinator is running. A store alone does not record its workers.
     pub running: bool,
     /// Recent rate of stored samples, per second.
@@ -37,7 +33,6 @@ pub struct Workers {
 pub fn workers(status: &Status) -> Workers {
     let live = status.live.as_ref();
     Workers {
-        schema_version: SCHEMA_VERSION,
         running: live.is_some(),
         samples_per_second: live.map_or(0.0, |live| live.samples_per_second),
         workers: live.map_or_else(Vec::new, |live| live.workers.clone()),
@@ -47,7 +42,6 @@ pub fn workers(status: &Status) -> Workers {
 /// The recorded failures.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Failures {
-    pub schema_version: u32,
     /// Number of recorded failures.
     pub failures: u64,
     /// The failures grouped by cause.
@@ -58,7 +52,6 @@ pub struct Failures {
 #[must_use]
 pub fn failures(status: &Status) -> Failures {
     Failures {
-        schema_version: SCHEMA_VERSION,
         failures: status.failures,
         groups: status.failure_groups.clone(),
     }

@@ -3,7 +3,7 @@
 use problem::formulation::Problem;
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION};
+use super::Chart;
 use crate::number::rounded;
 use crate::report::charts::{self, ResponseMap};
 use crate::report::label;
@@ -19,7 +19,6 @@ const DIGITS: usize = 6;
 /// The designs that have a measure.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Responses {
-    pub schema_version: u32,
     /// The measure's name.
     pub measure: String,
     /// The response's name.
@@ -84,7 +83,6 @@ pub fn responses(
         range: coordinate.range,
     });
     Responses {
-        schema_version: SCHEMA_VERSION,
         measure: problem.measured().name.to_string(),
         response: problem.objective().response.name.to_string(),
         unit: problem.measured().unit.to_string(),
@@ -100,7 +98,6 @@ pub fn responses(
 /// point.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
-    pub schema_version: u32,
     /// The measure's name.
     pub measure: String,
     /// The coordinates that the DoE varies.
@@ -158,7 +155,6 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         &label(&responses.measure, &responses.unit),
     ];
     Some(Map {
-        schema_version: SCHEMA_VERSION,
         measure: responses.measure.clone(),
         coordinates: responses.coordinates.clone(),
         preliminary: responses.preliminary,

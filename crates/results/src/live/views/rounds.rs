@@ -3,43 +3,20 @@
 use crate::report::{Enrichment, EnrichmentRound, charts};
 use serde::Serialize;
 
-use super::{Chart, SCHEMA_VERSION};
+use super::Chart;
 use crate::number::rounded;
 
 /// All rounds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Rounds {
-    pub schema_version: u32,
     /// Whether the campaign has an enrichment.
     pub enriches: bool,
     /// Why the enrichment ended, in a sentence; empty while it continues.
     pub stop: String,
     /// The rounds, in order.
-    pub rounds: Vec<Round>,
+    pub rounds: Vec<EnrichmentRound>,
     /// Charts of the prediction and of the expected improvement.
     pub charts: Vec<Chart>,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Round {
-    /// The round, from 1.
-    pub round: u64,
-    /// Number of new designs.
-    pub new_designs: u64,
-    /// Number of designs that got further samples.
-    pub further_turns: u64,
-    /// Number of samples requested.
-    pub samples: u64,
-    /// Number of points whose samples were quarantined.
-    pub failed: u64,
-    /// The largest expected improvement of an observation; `null` without a model.
-    pub expected_improvement: f64,
-    /// The model's prediction for the recommended design; `null` without one.
-    pub predicted: f64,
-    /// Lower end of the 95 % interval of the prediction.
-    pub low: f64,
-    /// Upper end of the 95 % interval of the prediction.
-    pub high: f64,
 }
 
 /// The view of an enrichment; without rounds if the campaign has none.
@@ -75,24 +52,9 @@ pub fn rounds(enrichment: Option<&Enrichment>, measure: &str) -> Rounds {
         prediction.into_iter().chain(gain).collect()
     });
     Rounds {
-        schema_version: SCHEMA_VERSION,
         enriches: enrichment.is_some(),
         stop: enrichment.map_or_else(String::new, |enrichment| enrichment.stop.clone()),
-        rounds: rounds.iter().map(of_round).collect(),
+        rounds: rounds.to_vec(),
         charts,
-    }
-}
-
-fn of_round(round: &EnrichmentRound) -> Round {
-    Round {
-        round: round.round,
-        new_designs: round.new_designs,
-        further_turns: round.further_turns,
-        samples: round.samples,
-        failed: round.failed,
-        expected_improvement: round.expected_improvement,
-        predicted: round.predicted,
-        low: round.low,
-        high: round.high,
     }
 }

@@ -26,7 +26,7 @@ pub fn prediction(enrichment: &Enrichment, measure: &str) -> Result<Picture, Err
         line("", Mark::Thin("5 3"), 0, |r| r.high),
         line("prediction", Mark::Curve(""), 0, |r| r.predicted),
     ];
-    if let (Some(verified), Some(last)) = (enrichment.verified_um, enrichment.rounds.last()) {
+    if let (Some(verified), Some(last)) = (enrichment.verified, enrichment.rounds.last()) {
         series.push(Series {
             name: Some("verified".to_owned()),
             mark: Mark::Rings,

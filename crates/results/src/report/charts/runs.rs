@@ -23,7 +23,7 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     let mut rings = Vec::new();
     for (i, run) in runs.iter().enumerate() {
         let points: Vec<[f64; 2]> = run
-            .best
+            .history
             .iter()
             .filter(|(_, best)| best.is_finite())
             .map(|&(evaluations, best)| [evaluations as f64, best])

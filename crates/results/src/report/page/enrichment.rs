@@ -90,7 +90,7 @@ fn outcome(enrichment: &Enrichment, measure: &str) -> String {
         interval((last.low, last.high), 4),
     );
     if let (Some(verified), Some((low, high))) =
-        (enrichment.verified_um, enrichment.interval_of_estimate_um)
+        (enrichment.verified, enrichment.interval_of_estimate)
     {
         let lies = if (low..=high).contains(&verified) {
             "lies within"

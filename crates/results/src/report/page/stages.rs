@@ -14,17 +14,17 @@ pub(super) struct StagesView {
 impl StagesView {
     pub(super) fn new(snapshot: &Snapshot) -> Self {
         let costs = &snapshot.costs;
-        let row = |name: &str, calls: u64, wall: f64, cpu: f64| {
+        let row = |name: String, calls: u64, wall: f64, cpu: f64| {
             let calls = match calls {
                 0 => MISSING.to_owned(),
                 calls => count(calls),
             };
-            [name.to_owned(), calls, seconds(wall), seconds(cpu)]
+            [name, calls, seconds(wall), seconds(cpu)]
         };
         let rows = costs.iter().map(|cost| {
             let calls = snapshot.calls(cost.stage);
             row(
-                cost.stage.name(),
+                cost.stage.to_string(),
                 calls,
                 cost.wall_seconds,
                 cost.cpu_seconds,
@@ -33,7 +33,7 @@ impl StagesView {
         Self {
             rows: rows.collect(),
             total: row(
-                "all stages",
+                "all stages".to_owned(),
                 snapshot.simulator_calls(),
                 total(costs.iter().map(|cost| cost.wall_seconds)),
                 total(costs.iter().map(|cost| cost.cpu_seconds)),

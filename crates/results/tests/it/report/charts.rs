@@ -133,7 +133,7 @@ fn points_that_cannot_be_shown_are_skipped() {
     let point = |a, b| DoePoint {
         delta_ste_um: a,
         delta_ste_archard_um: b,
-        p90_um: b,
+        measure_um: b,
     };
     let doe = [
         point(1.0, 2.0),
@@ -187,14 +187,14 @@ fn a_run_without_values_is_nothing_to_draw() {
     let mut runs = plausible().gears.unwrap().runs;
     let runs = runs.get_mut(&Approach::Nominal).unwrap();
     for run in &mut *runs {
-        run.best = vec![(1, f64::INFINITY)];
+        run.history = vec![(1, f64::INFINITY)];
         run.restarts = vec![1, 6000];
     }
     assert!(matches!(
         charts::convergence("one", runs),
         Err(Error::NothingToDraw { .. })
     ));
-    runs[1].best = vec![(1, f64::INFINITY), (7, 3.0)];
+    runs[1].history = vec![(1, f64::INFINITY), (7, 3.0)];
     check_picture(&charts::convergence("one", runs).unwrap().standalone());
 }
 

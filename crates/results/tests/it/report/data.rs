@@ -136,8 +136,8 @@ fn enrichment() -> Enrichment {
         tolerance: 0.01,
         stop: "The enrichment has converged.".to_owned(),
         doe_samples: 10_500,
-        verified_um: Some(1.35),
-        interval_of_estimate_um: Some((1.33, 1.39)),
+        verified: Some(1.35),
+        interval_of_estimate: Some((1.33, 1.39)),
     }
 }
 
@@ -215,7 +215,7 @@ fn doe(n: usize) -> Vec<DoePoint> {
             DoePoint {
                 delta_ste_um,
                 delta_ste_archard_um: archard,
-                p90_um: archard + 0.75 + 0.12 * noise.normal(),
+                measure_um: archard + 0.75 + 0.12 * noise.normal(),
             }
         })
         .collect()
@@ -224,7 +224,7 @@ fn doe(n: usize) -> Vec<DoePoint> {
 /// The summary of a model of these designs, and a small model to stand beside it.
 fn model(problem: &Problem, doe: &[DoePoint]) -> (ModelSummary, Surrogate) {
     let mut noise = Noise(11);
-    let observed: Vec<f64> = doe.iter().map(|point| point.p90_um).collect();
+    let observed: Vec<f64> = doe.iter().map(|point| point.measure_um).collect();
     let standardised: Vec<f64> = doe.iter().map(|_| -noise.normal()).collect();
     let residuals = observed.iter().zip(&standardised).zip(0..);
     let residuals = residuals.map(|((observed, standardised), number)| {
@@ -424,7 +424,8 @@ fn run(approach: usize, start: usize) -> OptimiserRun {
     }
     OptimiserRun {
         start,
-        best: history,
+        finished: true,
+        history,
         restarts: vec![6000],
     }
 }

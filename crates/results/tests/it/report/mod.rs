@@ -342,7 +342,7 @@ fn values_that_are_not_finite_are_dashes() {
     let mut data = plausible();
     of_paper(&mut data).preliminary[0].mean_um = f64::NAN;
     let doe = &mut gears(&mut data).doe;
-    doe.iter_mut().for_each(|p| p.p90_um = f64::NAN);
+    doe.iter_mut().for_each(|p| p.measure_um = f64::NAN);
     data.snapshot.costs[0].cpu_seconds = f64::INFINITY;
     model(&mut data).q2 = f64::NEG_INFINITY;
     let mut all = optima();
@@ -377,7 +377,7 @@ fn the_enrichment_is_told_in_sentences() {
     }
     let mut data = plausible();
     let enrichment = data.enrichment.as_mut().unwrap();
-    enrichment.verified_um = Some(1.5);
+    enrichment.verified = Some(1.5);
     let page = render(&data).unwrap().html;
     assert!(page.contains("which lies outside"));
     // Before the first round, and where no model could be fitted.

@@ -100,6 +100,41 @@ fn random_inputs_that_the_campaign_states_are_filled_in() {
 }
 
 #[test]
+fn a_result_file_for_people_is_read_by_its_lines() {
+    let read = "\n[simulator.read]\ny = { line = '^ *sum of three', column = 5 }\n";
+    // Two iterations, of which the last counts, in Latin-1.
+    let command = "awk '{printf \"Gr\\366\\337e\\n sum of three  = 0.0\\n sum of three  = %.4fD0 mm\\n\", $1+$2+$3+$4}' in.txt > out.txt";
+    let text = format!("{ISHIGAMI}{read}");
+    let (problem, backend, _folder) = of_campaign(&text, "{x1} {x2} {x3} {offset}\n", command);
+    assert_eq!(sum(&problem, &backend).unwrap().0, 1.75);
+    let silent = command.replace("sum of", "total of");
+    let (problem, backend, _folder) = of_campaign(&text, "{x1} {x2} {x3} {offset}\n", &silent);
+    let error = sum(&problem, &backend).unwrap_err();
+    assert!(
+        error.contains("out.txt has no line that matches"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_program_knows_the_number_of_its_slot() {
+    let command = "echo \"y = $CAMPAIGN_SLOT\" > out.txt";
+    let (problem, backend, _folder) = of_campaign(ISHIGAMI, "{x1} {x2} {x3} {offset}\n", command);
+    let of_other = backend.with(&problem, |other: &dyn Simulator| {
+        let design = Design::new(vec![1.0, 0.25, 0.5]);
+        let mut held = other.prepare(&design).unwrap();
+        let first = held.analyse(State::Baseline).unwrap().value;
+        (first, sum(&problem, &backend).unwrap().0)
+    });
+    assert_eq!(of_other.0, (0.0, 1.0));
+    assert_eq!(
+        sum(&problem, &backend).unwrap().0,
+        1.0,
+        "the last one that was kept"
+    );
+}
+
+#[test]
 fn what_goes_wrong_with_files_is_told_with_the_folder_that_is_kept() {
     for (template, command, says, keeps) in [
         (
