@@ -134,6 +134,8 @@ fn kind(node: &Value) -> String {
         ("array", "integer", _) => "list of whole numbers",
         ("array", "number", _) => "list of numbers",
         ("array", "string", Value::Number(_)) => "two texts",
+        ("array", "array", _) => "list of lists of numbers",
+        ("object", ..) if node["additionalProperties"]["$ref"].is_string() => "table of sections",
         ("object", ..) => "table of texts",
         _ => panic!("a value has no name: {node}"),
     }

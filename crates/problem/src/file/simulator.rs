@@ -37,7 +37,8 @@ pub struct SimulatorSection {
     /// The name of the result file, given with `template`.
     pub result: Option<String>,
     /// Where each response stands in a result file that is neither lines of `name = value` nor JSON, by the responses'
-    /// names. A line of `refused` is the reason for which a design cannot be simulated.
+    /// names: `{ line = 'REGULAR EXPRESSION', column = 3 }`, without `column` if a group of the expression is the number.
+    /// `refused` is the reason for which a design cannot be simulated.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     pub read: BTreeMap<String, ResultLine>,
     /// Seconds that the program may take for one answer; 600 if absent.
