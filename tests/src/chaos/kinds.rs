@@ -213,7 +213,7 @@ fn external(is_precise: bool) -> String {
 }
 
 /// The example of a problem without gears, with infill. What fails in an outage is a result at once, until the
-/// campaign is told to compute it again. The other form has discrete variables and another measure.
+/// campaign is told to compute it again. The other form has discrete variables, another measure and a design of its own.
 fn problem(is_shipped: bool) -> String {
     let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
     let text = match is_shipped {
@@ -230,6 +230,7 @@ fn problem(is_shipped: bool) -> String {
                     "name = \"x3\"\nvalues = [-3.0, -1.0, 2.0, 2.5]",
                 ),
                 ("measure = \"percentile\"", "measure = \"superquantile\""),
+                ("designs = 60", "designs = 60\npoints = [[0.5, 1.0, 2.0]]"),
             ],
         ),
     };
@@ -241,7 +242,7 @@ fn problem(is_shipped: bool) -> String {
 }
 
 /// The example of a program that communicates through files, with infill, a constraint, and a second response with a
-/// constraint on its samples.
+/// constraint on its samples. The campaign says in which lines the numbers are.
 fn files() -> String {
     let changes = [
         (
@@ -258,7 +259,9 @@ fn files() -> String {
     changed(&shipped("cantilever"), &changes)
         + "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\nsamples = 800\nrounds = 3\n\
            points_per_round = 4\nsamples_per_point = 40\ntolerance = 0.001\n\n\
-           [simulator]\nprobe_designs = 0\nretry_s = 2.0\n"
+           [simulator]\nprobe_designs = 0\nretry_s = 2.0\n\n[simulator.read]\n\
+           displacement = { line = '^displacement', column = 3 }\narea = { line = '^area = (.*)' }\n\
+           overstress = { line = '^overstress = (.*)' }\n"
 }
 
 fn change(text: &str, from: &str, to: &str) -> String {

@@ -309,7 +309,7 @@ impl ExternalSections {
         unknown.map_or(Ok(()), |name| {
             let known = names.into_iter().collect::<Vec<_>>().join(", ");
             let key = format!("simulator.read.{name}");
-            Err(source.refuse(&key, name, &format!("one of the responses: {known}")))
+            Err(source.refuse(&key, name, format!("one of the responses: {known}")))
         })
     }
 
