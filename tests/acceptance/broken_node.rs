@@ -25,7 +25,7 @@ fn through_files(sandbox: &Sandbox) -> (String, [String; 6]) {
     let file = sandbox.write("c.toml", &text).display().to_string();
     let template = sandbox.write("in.txt", "{a} {b} {seed}\n");
     let bowl =
-        "sleep 0.02; awk '{print \"y = \" ($1-0.3)^2+($2-0.3)^2+($3%1000)/1e4}' in.txt > out.txt";
+        "sleep 0.05; awk '{print \"y = \" ($1-0.3)^2+($2-0.3)^2+($3%1000)/1e4}' in.txt > out.txt";
     let template = template.display().to_string();
     let options = [
         "--exec",
