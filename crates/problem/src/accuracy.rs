@@ -214,6 +214,7 @@ impl CampaignFile {
             gears.grid = gear::Discretisation { cells, phases };
         }
         campaign.validate(source)?;
+        own_designs::check(&campaign, source)?;
         let written = toml::to_string(&campaign).expect("plain numbers and names serialise");
         Ok(Self {
             campaign,
@@ -236,11 +237,9 @@ impl CampaignFile {
         let mut campaign = self.campaign;
         campaign.doe.points = points;
         campaign.doe.table = None;
-        let text = toml::to_string(&campaign).expect("plain numbers and names serialise");
-        campaign.validate(Source { file, text: &text })?;
         Ok(Self {
+            text: toml::to_string(&campaign).expect("plain numbers and names serialise"),
             campaign,
-            text,
             ..self
         })
     }

@@ -163,7 +163,6 @@ impl Search {
         };
         let from = run.from.as_ref();
         let from = from.map(|design| unit_point(&problem.free_values(design)));
-        let own = campaign.doe.points.get(run.start as usize);
         let mut options = settings.run(bounds);
         options.search.cells = problem.cells(run.approach);
         let mut first = None;
@@ -180,6 +179,7 @@ impl Search {
             }
             // An approach that varies more than the DoE does has no own designs.
             (_, None) if dimension == problem.dimension() => {
+                let own = campaign.doe.points.get(run.start as usize);
                 origin = own.map_or(origin, |x| unit_point(x));
             }
             _ => {}

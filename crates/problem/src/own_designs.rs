@@ -45,6 +45,13 @@ pub(crate) fn of_table(
             wrong(line, error.to_string())
         })?;
         let line = record.position().map_or(1, csv::Position::line);
+        let most = problem.campaign().doe.designs;
+        if points.len() == most as usize {
+            return Err(wrong(
+                line,
+                format!("there are more designs than doe.designs, which is {most}"),
+            ));
+        }
         let value = |&(name, place): &(&str, usize)| {
             let text = &record[place];
             let number = text.parse::<f64>();
@@ -183,6 +190,16 @@ mod tests {
                 .to_string();
             assert!(error.contains(says), "{error}");
         }
+        let many: String = (0..41)
+            .map(|i| format!("{},2\n", 1.0 + 0.01 * f64::from(i)))
+            .collect();
+        let file = with("table = \"points.csv\"").unwrap();
+        let error = file.with_designs("points.csv", &format!("width,thickness\n{many}"));
+        let error = error.unwrap_err().to_string();
+        assert!(
+            error.contains("points.csv, line 42: there are more designs"),
+            "{error}"
+        );
         let both = with("points = [[2.0, 3.0]]\ntable = \"points.csv\"").unwrap_err();
         assert!(both.contains("doe.table"), "{both}");
     }

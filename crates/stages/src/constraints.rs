@@ -6,8 +6,8 @@
 //! Rounds take in turn the probability that the constraints are kept and the models' means as constraints
 //! (`Caution`): the models become better about the constraints' edges, where they are uncertain. Each point that a
 //! round chooses is then evaluated by the program before it gets samples. A point that breaks a constraint gets
-//! none: its values refine the models of the next round. A recommended design is always one that was evaluated, so no model decides whether it is
-//! feasible. A problem without constraints is asked, too: the program may refuse a point, and the next rounds
+//! none: its values refine the models of the next round. A recommended design is always one that was evaluated, so no
+//! model decides whether it is feasible. A problem without constraints is asked, too: the program may refuse a point, and the next rounds
 //! learn from that where points can be simulated.
 
 use std::sync::Arc;

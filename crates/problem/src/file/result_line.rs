@@ -82,18 +82,14 @@ impl ResultLine {
         match self.column {
             None => source.require(
                 groups == 1,
-                &format!("{key}.line"),
+                key,
                 pattern,
-                "a regular expression with one group (…) for the number, unless column is given",
+                "a line with one group (…) for the number, unless column is given",
             ),
             Some(column) => {
-                source.require(
-                    groups == 0,
-                    &format!("{key}.line"),
-                    pattern,
-                    "a regular expression without a group (…) beside column",
-                )?;
-                source.count(&format!("{key}.column"), column, 1, 10_000)
+                let expected = "a line without a group (…) beside column";
+                source.require(groups == 0, key, pattern, expected)?;
+                source.count(key, column, 1, 10_000)
             }
         }
     }
@@ -102,6 +98,7 @@ impl ResultLine {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Campaign;
 
     fn place(text: &str) -> ResultLine {
         toml::from_str(text).unwrap()
@@ -128,6 +125,58 @@ mod tests {
         ] {
             let error = place(read).find(OUTPUT).unwrap_err();
             assert!(error.starts_with(why), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_read_is_refused_by_its_line() {
+        const BEAM: &str = include_str!("../../../../campaigns/cantilever/campaign.toml");
+        let program = "template = 'beam.in'\nresult = 'beam.out'";
+        let area = "area = { line = '^area', column = 3 }";
+        for (program, read, says) in [
+            (
+                program,
+                format!("{area}\n"),
+                "simulator.read.displacement is missing",
+            ),
+            (
+                program,
+                format!("{area}\ndisplacement = {{ line = 'd = ' }}\n"),
+                "simulator.read.displacement is \"d = \", but must be a line with one group",
+            ),
+            (
+                program,
+                format!("{area}\ndisplacement = {{ line = '(d)', column = 2 }}\n"),
+                "but must be a line without a group",
+            ),
+            (
+                program,
+                format!("{area}\ndisplacement = {{ line = 'd', column = 0 }}\n"),
+                "but must be a whole number from 1",
+            ),
+            (
+                program,
+                format!("{area}\ndisplacement = {{ line = 'd (.*' }}\n"),
+                "unclosed group",
+            ),
+            (
+                program,
+                format!(
+                    "{area}\ndisplacement = {{ line = 'd (.*)' }}\nstress = {{ line = 's (.*)' }}\n"
+                ),
+                "but must be one of the responses: area, displacement",
+            ),
+            (
+                "command = 'beam'",
+                format!("{area}\ndisplacement = {{ line = 'd (.*)' }}\n"),
+                "but must be absent without template and result",
+            ),
+        ] {
+            let text = format!("{BEAM}\n[simulator]\n{program}\n[simulator.read]\n{read}");
+            let error = Campaign::parse("beam.toml", &text).unwrap_err().to_string();
+            assert!(error.contains(says), "{error}");
+            let line: usize = error.split([' ', ':']).nth(2).unwrap().parse().unwrap();
+            assert!(line > BEAM.lines().count(), "{error}");
         }
     }
 }

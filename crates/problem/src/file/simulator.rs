@@ -145,6 +145,13 @@ impl SimulatorSection {
             let is_blank = text.as_ref().is_some_and(|text| text.trim().is_empty());
             source.require(!is_blank, &format!("simulator.{key}"), "", "not empty")?;
         }
+        let has_program = self.command.is_some() || self.um_bridge.is_some();
+        source.require(
+            self.read.is_empty() || self.template.is_some() || !has_program,
+            "simulator.read",
+            self.read.keys().collect::<Vec<_>>(),
+            "absent without template and result: it says how a result file is read",
+        )?;
         for (name, place) in &self.read {
             place.validate(source, &format!("simulator.read.{name}"))?;
         }
