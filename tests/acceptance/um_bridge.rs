@@ -1,12 +1,26 @@
-//! The bracket that `init --external` writes: as a model of UM-Bridge servers, which the Python package `umbridge` runs, and with a budget.
+//! The bracket that `init --external` writes: as a model of UM-Bridge servers, which the Python package `umbridge` runs, and with a budget. The gears of a campaign as a model for the client of that package.
 
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, assert_code, errors, free_address, printed, skipped};
+use acceptance::{Sandbox, assert_code, errors, free_address, printed, skipped, small_campaign};
 
 const MODEL: &str = include_str!("cases/um-bridge/model.py");
+const CLIENT: &str = include_str!("cases/um-bridge/client.py");
+
+/// Whether the Python package is installed; says that the test is skipped if not.
+fn has_package() -> bool {
+    let import = Command::new("python3")
+        .args(["-c", "import umbridge"])
+        .stderr(Stdio::null())
+        .status();
+    let is_there = import.is_ok_and(|status| status.success());
+    if !is_there {
+        skipped("the Python package umbridge is not installed");
+    }
+    is_there
+}
 
 /// A server, which ends with the test.
 struct Server {
@@ -17,12 +31,7 @@ struct Server {
 impl Server {
     /// Starts the model; `None` without the package.
     fn start(sandbox: &Sandbox) -> Option<Self> {
-        let has_package = Command::new("python3")
-            .args(["-c", "import umbridge"])
-            .stderr(Stdio::null())
-            .status();
-        if !has_package.is_ok_and(|status| status.success()) {
-            skipped("the Python package umbridge is not installed");
+        if !has_package() {
             return None;
         }
         let file = sandbox.path("model.py");
@@ -134,6 +143,77 @@ fn a_model_of_a_server_gives_the_samples_of_the_same_program() {
     drop(one);
     let error = refused(&served(&here, ""));
     assert!(error.contains("no UM-Bridge server answers at"), "{error}");
+}
+
+#[test]
+fn the_gears_of_a_campaign_are_a_model_for_other_programs() {
+    if !has_package() {
+        return;
+    }
+    let sandbox = Sandbox::new();
+    std::fs::write(sandbox.path("small.toml"), small_campaign(6, 10)).expect("a file");
+    std::fs::write(sandbox.path("client.py"), CLIENT).expect("a file");
+    assert_code(
+        &sandbox.coordinator(&["run", "small.toml", "--db", "s.db"]),
+        0,
+    );
+    let table = [
+        "export",
+        "--db",
+        "s.db",
+        "--table",
+        "designs",
+        "--out",
+        "designs.csv",
+    ];
+    assert_code(&sandbox.coordinator(&table), 0);
+    let address = free_address().to_string();
+    let serve = ["um-bridge", "small.toml", "--http", &address];
+    let mut server = sandbox.start("coordinator", &serve);
+    server.wait_for_line("the UM-Bridge model gear-pair is at");
+    let asked = Command::new("python3")
+        .current_dir(sandbox.path("."))
+        .args(["client.py", &format!("http://{address}"), "designs.csv"])
+        .output()
+        .expect("Python starts");
+    assert!(asked.status.success(), "{}", errors(&asked));
+    let said = printed(&asked);
+    assert!(said.contains("sizes 11 1 11\n"), "{said}");
+    let difference = said
+        .split("greatest difference ")
+        .nth(1)
+        .expect("a difference");
+    let difference: f64 = difference
+        .lines()
+        .next()
+        .unwrap_or_default()
+        .parse()
+        .expect("a number");
+    assert!(difference < 1e-12, "{said}");
+    assert!(
+        said.contains(
+            "refused Model returned error of type InvalidInput: invalid-input: root_radius[0] is 0"
+        ),
+        "{said}"
+    );
+    assert!(
+        said.contains("the input must be two lists, of 11 and of"),
+        "{said}"
+    );
+    server.signal("INT");
+    let (ended, errors) = server.finish();
+    assert_eq!(ended.code(), Some(0), "{errors}");
+
+    let file = sandbox.path("outside.toml");
+    assert_code(
+        &sandbox.coordinator(&["init", "outside.toml", "--external"]),
+        0,
+    );
+    let refused =
+        sandbox.coordinator(&["um-bridge", &file.display().to_string(), "--http", &address]);
+    assert_code(&refused, 2);
+    let open = sandbox.coordinator(&["um-bridge", "small.toml", "--http", "0.0.0.0:4242"]);
+    assert_code(&open, 2);
 }
 
 #[test]

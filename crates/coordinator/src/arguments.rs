@@ -88,6 +88,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
+    /// Offer a campaign's gear model to other programs, as a UM-Bridge model
+    UmBridge(UmBridge),
     /// Run inputs on which numerical methods fail, and write how each failure is detected and
     /// handled
     Stability(Stability),
@@ -364,6 +366,16 @@ pub(crate) struct Compare {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct UmBridge {
+    /// The campaign file with the gears and their wear [default: the paper's]
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: Option<PathBuf>,
+    /// The address of the server; loopback only [default: 127.0.0.1:4242]
+    #[arg(long, value_name = "ADDR")]
+    pub(crate) http: Option<SocketAddr>,
 }
 
 #[derive(Debug, Args)]

@@ -39,6 +39,7 @@ mod stability;
 mod steering;
 mod studies;
 mod tradeoff;
+mod um_bridge;
 mod viewing;
 
 use self::output::{FileAccess, create_new, print, print_either, print_text};
@@ -81,6 +82,7 @@ pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
         Command::Fit(arguments) => modelling::fit(&arguments).await,
         Command::Predict(arguments) => modelling::predict(&arguments).await,
         Command::Simulate(arguments) => simulating::simulate(&arguments),
+        Command::UmBridge(arguments) => um_bridge::um_bridge(arguments).await,
         Command::Stability(arguments) => stability::stability(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),

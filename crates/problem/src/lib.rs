@@ -23,3 +23,4 @@ pub mod task;
 
 pub use file::{Campaign, FileError, PairFile};
 pub use formulation::{Approach, Criteria, Design, GearCriteria, GearVariables};
+pub use quantity::Quantity;

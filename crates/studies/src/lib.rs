@@ -4,7 +4,7 @@
 //! - [`corrections`] searches profile corrections.
 //! - [`sensitivity`] splits the variance of an optimum's percentile among tolerances.
 //! - [`pareto`] weighs the percentile against a second objective.
-//! - [`simulate`] computes one pair of gears.
+//! - [`simulate`] computes one pair of gears, and [`um_bridge`] offers a campaign's gears to other programs.
 //! - [`direct`] searches the least percentile, and [`samples`] draws the verification samples of the result.
 //! - [`finished`] reads the finished campaign of a study, [`refusal`] has the reasons to refuse one, and [`table`]
 //!   writes the results.
@@ -24,3 +24,4 @@ pub mod sensitivity;
 pub mod simulate;
 pub mod sweep;
 pub mod table;
+pub mod um_bridge;

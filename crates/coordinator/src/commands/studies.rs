@@ -183,7 +183,7 @@ pub(super) async fn pareto(arguments: arguments::Pareto) -> Result<u8, ProgramEr
     finish(&document, &out, arguments.json)
 }
 
-fn usage(error: impl std::fmt::Display) -> Usage {
+pub(super) fn usage(error: impl std::fmt::Display) -> Usage {
     Usage(error.to_string())
 }
 
