@@ -62,11 +62,11 @@ impl Noise {
 /// scatter more than normal ones.
 ///
 /// A variance of zero stays and does not enter the model. Variances that do not depend on x are all
-/// replaced by one.
+/// replaced by one. Fewer than two positive variances stay, too.
 ///
 /// # Errors
 ///
-/// The errors of [`fit()`], for fewer than two positive variances, for example.
+/// The errors of [`fit()`].
 pub fn smoothed_noise(
     x: &[f64],
     d: usize,
@@ -76,6 +76,9 @@ pub fn smoothed_noise(
 ) -> Result<Vec<f64>, Error> {
     let mut positive: Vec<usize> = (0..variances.len()).collect();
     positive.retain(|&i| variances[i] > 0.0);
+    if positive.len() < 2 {
+        return Ok(variances.to_vec());
+    }
     positive.shuffle(&mut stream(seed, Purpose::Fit, 3, 0));
     let rows = |which: &[usize]| -> Vec<f64> {
         let rows = which.iter().map(|&i| &x[i * d..(i + 1) * d]);

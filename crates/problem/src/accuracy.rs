@@ -233,10 +233,11 @@ impl CampaignFile {
     ///
     /// Never: a campaign is plain numbers and names, which TOML can hold.
     pub fn with_designs(self, file: &str, table: &str) -> Result<Self, FileError> {
-        let points = own_designs::of_table(&Problem::new(self.campaign.clone()), file, table)?;
-        let mut campaign = self.campaign;
-        campaign.doe.points = points;
-        campaign.doe.table = None;
+        let doe = own_designs::of_table(&Problem::new(self.campaign.clone()), file, table)?;
+        let campaign = Campaign {
+            doe,
+            ..self.campaign
+        };
         Ok(Self {
             text: toml::to_string(&campaign).expect("plain numbers and names serialise"),
             campaign,

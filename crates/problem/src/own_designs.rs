@@ -1,19 +1,40 @@
-//! Designs of the user's own, which come first in the DoE: `[doe] points`, or the rows of `[doe] table`.
+//! Designs of the user's own, which come first in the DoE, and what is known of them: `[doe] points` and `samples`, or
+//! the rows of `[doe] table`.
 
-use crate::file::Source;
+use crate::file::{Doe, Source};
 use crate::formulation::Problem;
 use crate::{Campaign, FileError};
 
 /// The largest relative error of a bound or a discrete value that is taken for rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// The designs of a table with a column for each free variable; other columns are not read. `file` names the table in
-/// errors.
-pub(crate) fn of_table(
-    problem: &Problem,
-    file: &str,
-    text: &str,
-) -> Result<Vec<Vec<f64>>, FileError> {
+/// Why samples of one's own are refused.
+const DRAWN: &str = "absent: the samples follow from random numbers of the campaign, which those of another program do not have";
+
+impl Problem {
+    /// The sample with this number of a design, if the campaign file has it.
+    pub(crate) fn own_sample(&self, design: u64, sample: u32) -> Option<&[f64]> {
+        let of_design = self
+            .campaign()
+            .doe
+            .samples
+            .get(usize::try_from(design).ok()?)?;
+        of_design.get(sample as usize).map(Vec::as_slice)
+    }
+
+    /// The number of samples that the campaign file has, if the campaign takes `most` of a design.
+    #[must_use]
+    pub fn own_samples(&self, most: u64) -> u64 {
+        let of_designs = self.campaign().doe.samples.iter();
+        of_designs
+            .map(|samples| most.min(samples.len() as u64))
+            .sum()
+    }
+}
+
+/// The section with the designs of its table, which has a column for each free variable, and perhaps one for each sampled
+/// response; other columns are not read. `file` names the table in errors.
+pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe, FileError> {
     let wrong = |line: u64, message: String| FileError::Syntax {
         file: file.to_owned(),
         line: usize::try_from(line).unwrap_or(usize::MAX),
@@ -38,13 +59,54 @@ pub(crate) fn of_table(
     };
     let places = problem.free_names().map(|name| Ok((name, place(name)?)));
     let places = places.collect::<Result<Vec<_>, FileError>>()?;
-    let mut points = Vec::new();
+    let sampled: Vec<&str> = problem.sampled().iter().map(|one| &*one.name).collect();
+    let responses = match sampled
+        .iter()
+        .any(|name| header.iter().any(|column| column == *name))
+    {
+        true => sampled
+            .iter()
+            .map(|name| Ok((*name, place(name)?)))
+            .collect(),
+        false => Ok::<_, FileError>(Vec::new()),
+    }?;
+    if !responses.is_empty() && problem.campaign().has_scores() {
+        return Err(wrong(1, format!("column {} must be {DRAWN}", sampled[0])));
+    }
+    let (mut points, mut samples) = (Vec::<Vec<f64>>::new(), Vec::<Vec<Vec<f64>>>::new());
     for record in reader.records() {
         let record = record.map_err(|error| {
             let line = error.position().map_or(1, csv::Position::line);
             wrong(line, error.to_string())
         })?;
         let line = record.position().map_or(1, csv::Position::line);
+        let value = |&(name, place): &(&str, usize)| {
+            let text = &record[place];
+            let number = text.parse::<f64>();
+            number.map_err(|_| wrong(line, format!("{name} is {text:?}, which is not a number")))
+        };
+        let point = places.iter().map(value).collect::<Result<Vec<f64>, _>>()?;
+        let is_known = responses
+            .iter()
+            .any(|&(_, place)| !record[place].is_empty());
+        let sample = match is_known {
+            true => Some(
+                responses
+                    .iter()
+                    .map(value)
+                    .collect::<Result<Vec<f64>, _>>()?,
+            ),
+            false => None,
+        };
+        if let Some(Err((name, why))) = sample.as_ref().map(|one| problem.check_sample(one)) {
+            return Err(wrong(line, format!("{name} {why}")));
+        }
+        // A further sample of a design stands in a row of its own.
+        let twin = points.iter().position(|other| *other == point);
+        if let (Some(twin), Some(sample)) = (twin, &sample) {
+            samples[twin].push(sample.clone());
+            continue;
+        }
         let most = problem.campaign().doe.designs;
         if points.len() == most as usize {
             return Err(wrong(
@@ -52,12 +114,6 @@ pub(crate) fn of_table(
                 format!("there are more designs than doe.designs, which is {most}"),
             ));
         }
-        let value = |&(name, place): &(&str, usize)| {
-            let text = &record[place];
-            let number = text.parse::<f64>();
-            number.map_err(|_| wrong(line, format!("{name} is {text:?}, which is not a number")))
-        };
-        let point = places.iter().map(value).collect::<Result<Vec<f64>, _>>()?;
         if let Some((name, found, expected)) = fault(problem, &point, &points) {
             return Err(FileError::Value {
                 file: file.to_owned(),
@@ -68,11 +124,23 @@ pub(crate) fn of_table(
             });
         }
         points.push(point);
+        samples.push(sample.into_iter().collect());
     }
-    Ok(points)
+    samples.truncate(
+        samples
+            .iter()
+            .rposition(|known| !known.is_empty())
+            .map_or(0, |last| last + 1),
+    );
+    Ok(Doe {
+        points,
+        samples,
+        table: None,
+        ..problem.campaign().doe
+    })
 }
 
-/// Checks the designs that the campaign file itself has.
+/// Checks the designs that the campaign file itself has, and their samples.
 pub(crate) fn check(campaign: &Campaign, source: Source<'_>) -> Result<(), FileError> {
     let points = &campaign.doe.points;
     if points.is_empty() {
@@ -83,6 +151,23 @@ pub(crate) fn check(campaign: &Campaign, source: Source<'_>) -> Result<(), FileE
         if let Some((name, found, expected)) = fault(&problem, point, &points[..index]) {
             let expected = format!("{expected} (row {}: {name} is {found})", index + 1);
             return Err(source.refuse("doe.points", point, expected));
+        }
+    }
+    let samples = &campaign.doe.samples;
+    if !samples.is_empty() && campaign.has_scores() {
+        return Err(source.refuse("doe.samples", samples.len(), DRAWN));
+    }
+    for (index, sample) in samples
+        .iter()
+        .enumerate()
+        .flat_map(|(i, all)| all.iter().map(move |one| (i, one)))
+    {
+        if let Err((name, why)) = problem.check_sample(sample) {
+            let expected = format!(
+                "numbers that can be a sample (list {}: {name} {why})",
+                index + 1
+            );
+            return Err(source.refuse("doe.samples", sample, expected));
         }
     }
     Ok(())
@@ -129,6 +214,7 @@ fn fault(
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::accuracy::CampaignFile;
 
     const TEXT: &str = include_str!("../../../campaigns/cantilever/campaign.toml");
@@ -153,6 +239,67 @@ mod tests {
         assert_ne!(
             own.campaign.values_digest(),
             with("").unwrap().campaign.values_digest()
+        );
+    }
+
+    #[test]
+    fn samples_of_own_designs_are_read_from_the_file_or_a_table() {
+        let own = "points = [[2.0, 3.0], [1.5, 3.5]]\nsamples = [[[0.1], [0.2]]]";
+        let own = with(own).unwrap();
+        let file = with("table = \"points.csv\"").unwrap();
+        let table = "width,thickness,displacement\n2,3,0.1\n1.5,3.5,\n2,3,0.2\n";
+        let file = file.with_designs("points.csv", table).unwrap();
+        assert_eq!(file.campaign, own.campaign);
+        let text = &file.text;
+        assert_eq!(
+            CampaignFile::parse("again", text).unwrap().campaign,
+            own.campaign
+        );
+        let problem = Problem::new(own.campaign);
+        assert_eq!(problem.own_sample(0, 1), Some(&[0.2][..]));
+        assert_eq!(problem.own_sample(0, 2), None);
+        assert_eq!(problem.own_sample(1, 0), None);
+        assert_eq!([1, 25].map(|most| problem.own_samples(most)), [1, 2]);
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_sample_is_told_with_its_place() {
+        for (samples, says) in [
+            (
+                "[[[0.1, 0.2]]]",
+                "list 1: displacement is one of 1 sampled responses, and the sample has 2",
+            ),
+            ("[[[nan]]]", "list 1: displacement"),
+            ("[[], [[0.1]]]", "doe.samples"),
+        ] {
+            let error = with(&format!("points = [[2.0, 3.0]]\nsamples = {samples}")).unwrap_err();
+            assert!(
+                error.contains(says) && error.contains("doe.samples"),
+                "{error}"
+            );
+        }
+        let table = |text: &str| {
+            let file = with("table = \"points.csv\"").unwrap();
+            file.with_designs("points.csv", text)
+                .unwrap_err()
+                .to_string()
+        };
+        let error = table("width,thickness,displacement\n2,3,0.1\n2,3,much\n");
+        assert!(
+            error.contains("points.csv, line 3: displacement is \"much\""),
+            "{error}"
+        );
+        let error = table("width,thickness,displacement\n2,3,0.1\n2,3,\n");
+        assert!(error.contains("designs that differ"), "{error}");
+        let random = include_str!("../../../campaigns/bracket/campaign.toml");
+        let own = "[doe]\npoints = [[20.0, 30.0]]\nsamples = [[[1.0, 2.0, 3.0]]]\n";
+        let random = random.replacen("[doe]", own, 1);
+        let error = CampaignFile::parse("b.toml", &random)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("doe.samples is 1, but must be absent: the samples follow from"),
+            "{error}"
         );
     }
 

@@ -33,7 +33,7 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
     let doe = Calls {
         stage: Stage::Sample,
         evaluations: designs * evaluations(problem),
-        samples: designs * of_design,
+        samples: designs * of_design - own(problem),
     };
     let of_run = u64::from(campaign.optimise.evaluations);
     let is_direct = problem.approaches().any(|one| one == Approach::Direct);
@@ -70,7 +70,7 @@ pub fn sampling(problem: &Problem, criteria: &[CriteriaRow], samples: u64) -> u6
         true => evaluations(problem),
         false => 1,
     };
-    criteria.iter().map(of_design).sum::<u64>() + samples
+    criteria.iter().map(of_design).sum::<u64>() + samples.saturating_sub(own(problem))
 }
 
 /// The calls that the rounds took: the search for points, the evaluations of points whose constraints only
@@ -85,11 +85,16 @@ pub fn infill(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u
     searching + evaluated.count() as u64 + sampled.map(|row| row.samples).sum::<u64>()
 }
 
-/// The samples of all stages that the store has counted.
+/// The samples that the campaign file has of its own designs, which no program is asked for.
+fn own(problem: &Problem) -> u64 {
+    problem.own_samples(u64::from(problem.campaign().sampling.samples_max()))
+}
+
+/// The samples of all stages that the store has counted, without those of the campaign file.
 #[must_use]
 pub fn samples(problem: &Problem, progress: &Progress) -> u64 {
     let of_searches = progress.evaluation_values / problem.sampled().len() as u64;
-    progress.samples + progress.point_samples + of_searches
+    progress.samples.saturating_sub(own(problem)) + progress.point_samples + of_searches
 }
 
 /// Evaluations of a simulable design: one, and of a gear pair one without wear and one with Archard's.

@@ -240,8 +240,7 @@ impl Rows {
                 estimates[place] = limited.collect();
             }
         }
-        let estimated = sampled.iter().map(|one| &*one.x);
-        let estimated = estimated.zip(estimates.iter().map(Vec::as_slice));
+        let estimated = sampled.iter().zip(estimates.iter().map(Vec::as_slice));
         let limited = LimitedModels::fit(problem, estimated);
         let mut bounds = BTreeMap::new();
         for (entry, own) in sampled.iter_mut().zip(&estimates) {

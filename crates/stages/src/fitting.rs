@@ -135,9 +135,10 @@ pub fn fit_all(
     name: &str,
 ) -> anyhow::Result<Vec<Fitted>> {
     let settings = problem.campaign().kriging.settings(problem.campaign().seed);
-    // The quantity of a constraint may be negative.
     let of_constraint = Settings {
+        // The quantity of a constraint may be negative.
         response: Response::Plain,
+        noise: problem.campaign().limit_noise(),
         ..settings.clone()
     };
     let mut fitted: Vec<Fitted> = Vec::new();

@@ -1,5 +1,6 @@
 //! The limits of measures of samples in a round of infill, which models of these measures tell.
 
+use enrich::SampledDesign;
 use kriging::{Data, FitOptions, Model};
 use problem::formulation::Problem;
 
@@ -35,22 +36,36 @@ impl Caution {
 }
 
 impl LimitedModels {
-    /// Fits a model to each measure from its estimates, with their variances, at the designs `x`.
+    /// Fits a model to each measure from its estimates, with their variances, at each design.
     pub(crate) fn fit<'a>(
         problem: &Problem,
-        estimated: impl Iterator<Item = (&'a [f64], &'a [(f64, f64)])> + Clone,
+        estimated: impl Iterator<Item = (&'a SampledDesign, &'a [(f64, f64)])> + Clone,
     ) -> Self {
+        let campaign = problem.campaign();
+        let freedom = campaign.sampling.degrees_of_freedom();
+        let d = problem.dimension();
         let fit = |number: usize| {
-            let (mut x, mut y, mut noise) = (Vec::new(), Vec::new(), Vec::new());
+            let (mut x, mut y, mut own, mut samples) =
+                (Vec::new(), Vec::new(), Vec::new(), Vec::new());
             for (of, estimates) in estimated.clone() {
                 if let Some((value, variance)) = estimates.get(number)
                     && value.is_finite()
                 {
-                    x.extend_from_slice(of);
+                    x.extend_from_slice(&of.x);
                     y.push(*value);
-                    noise.push(*variance);
+                    own.push(*variance);
+                    samples.push(f64::from(of.samples.max(1)));
                 }
             }
+            let smooth = campaign.limit_noise().variances(
+                &x,
+                d,
+                own.clone(),
+                &samples,
+                freedom,
+                campaign.seed,
+            );
+            let noise = smooth.unwrap_or(own);
             fitted(problem, &x, &y, &noise)
         };
         Self {

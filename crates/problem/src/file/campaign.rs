@@ -1,5 +1,6 @@
 //! The campaign file.
 
+use kriging::Noise;
 use serde::{Serialize, Serializer};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -110,6 +111,27 @@ impl Campaign {
         match &self.kind {
             Kind::Gears(sections) => Some(sections),
             Kind::External(_) => None,
+        }
+    }
+
+    /// The source of the noise variances of measures that constraints limit, whose designs have equally many samples. Own
+    /// variances would draw their models towards designs that seem safe by chance, most of all at levels far out.
+    #[must_use]
+    pub fn limit_noise(&self) -> Noise {
+        let are_equal = self.sampling.precision.is_none();
+        let smoothed = if are_equal {
+            Noise::Smoothed
+        } else {
+            Noise::Own
+        };
+        self.kriging.noise.unwrap_or(smoothed)
+    }
+
+    /// Whether samples follow from random numbers of the campaign itself, and not from those of a program.
+    pub(crate) fn has_scores(&self) -> bool {
+        match &self.kind {
+            Kind::Gears(_) => !self.is_external(),
+            Kind::External(sections) => !sections.random.is_empty(),
         }
     }
 
@@ -426,12 +448,8 @@ impl Campaign {
         self.doe.validate(source)?;
         let is_gears = self.gears().is_some();
         self.sampling.objective.validate(source, is_gears)?;
-        let has_scores = match &self.kind {
-            Kind::Gears(_) => !self.is_external(),
-            Kind::External(sections) => !sections.random.is_empty(),
-        };
         self.sampling
-            .validate(source, self.is_external(), has_scores)?;
+            .validate(source, self.is_external(), self.has_scores())?;
         source.require(
             self.sampling.objective.is_papers() || !self.compares_with_paper(),
             "objective",

@@ -20,8 +20,9 @@ pub struct Kriging {
     pub estimator: Estimator,
     /// The trend of the response.
     pub trend: Trend,
-    /// The source of the known noise variances. Without it, kriging takes those of each design's own samples, as the paper
-    /// does, and an enrichment smoothes them, so that its recommended design is not one that only seems good.
+    /// The source of the known noise variances. Without it, the objective's model takes those of each design's own samples,
+    /// as the paper does. An enrichment and the models of limits smooth them, so that no design is recommended that only
+    /// seems good or safe.
     pub noise: Option<Noise>,
     /// Whether a noise variance is estimated in addition to the known ones.
     pub nugget: Nugget,

@@ -20,8 +20,12 @@ pub struct Doe {
     /// and the searches of the baseline begin at them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<Vec<f64>>,
+    /// What is known of the first `points`: for each a list of samples, each with a value of every sampled response. They
+    /// take the place of the first samples of a program that draws its random numbers itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub samples: Vec<Vec<Vec<f64>>>,
     /// A CSV file with these designs in the place of `points`, relative to the folder of the campaign file: a column for
-    /// each of the variables.
+    /// each of the variables. With a column for each sampled response, too, its rows are the designs' `samples`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table: Option<String>,
 }
@@ -92,6 +96,15 @@ impl Doe {
             let expected = "absent beside doe.points, which are the designs themselves";
             source.require(self.points.is_empty(), "doe.table", table, expected)?;
         }
+        source.require(
+            self.samples.len() <= self.points.len(),
+            "doe.samples",
+            self.samples.len(),
+            &format!(
+                "at most a list for each of doe.points, {}",
+                self.points.len()
+            ),
+        )?;
         source.require(
             self.points.len() <= self.designs as usize,
             "doe.points",

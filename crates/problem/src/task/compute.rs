@@ -397,7 +397,12 @@ fn draw(
         if !keep_going(&drawn) {
             break;
         }
-        match sample(index) {
+        let own = match unit.stream.kind {
+            Kind::Design => problem.own_sample(unit.stream.index, index),
+            _ => None,
+        };
+        let sample = own.map_or_else(|| sample(index), |own| Ok(own.to_vec()));
+        match sample {
             Ok(sample) => drawn.push(&sample),
             Err(why) => {
                 let place = format!("{}, sample {index}", unit.stream);

@@ -282,6 +282,22 @@ fn analyses_refuse_a_design_and_samples_fail() {
     );
 }
 
+#[test]
+fn samples_of_the_campaign_file_take_the_place_of_the_programs_first_ones() {
+    let mut campaign = problem().campaign().clone();
+    campaign.doe.samples = vec![vec![], vec![], vec![], vec![vec![7.0]; 5]];
+    let fake = Fake {
+        problem: Problem::new(campaign),
+        analysed_um: 1.0,
+        sample: || Ok(1.0),
+    };
+    let of = |unit: &Unit, source| drawn(compute(&fake, unit, &source).ok());
+    let own = of(&design(3..7), Source::Design(asked()));
+    assert_eq!(own, [7.0, 7.0, 1.0, 1.0]);
+    let verified = of(&unit(StreamId::point(3), 0..2), Source::Point(asked()));
+    assert_eq!(verified, [1.0, 1.0]);
+}
+
 /// The failure of a machine names no design, and no failed sample stands for it.
 #[test]
 fn a_machine_that_cannot_simulate_is_told_from_a_design_that_fails() {
