@@ -63,15 +63,21 @@ impl Model {
 
     /// The number of coefficients depends on the path of contact, and so on the design.
     fn most_coefficients(&self) -> usize {
+        let designs = self.simulable();
+        let modes = designs.filter_map(|design| Some(self.problem.prepare(&design).ok()?.modes()));
+        modes.max().unwrap_or_default()
+    }
+
+    /// Designs across the campaign's ranges that can be simulated.
+    fn simulable(&self) -> impl Iterator<Item = Design> {
         let problem = &self.problem;
         let dimension = problem.dimension_of(Approach::Nominal);
         let points = doe::random_lhs(SURVEY, dimension, problem.campaign().seed);
         let points = points
-            .iter()
-            .flat_map(|points| (0..SURVEY).map(|i| points.point(i)));
-        let designs = points.filter_map(|at| problem.point(Approach::Nominal, at, problem.base()));
-        let modes = designs.filter_map(|design| Some(problem.prepare(&design).ok()?.modes()));
-        modes.max().unwrap_or_default()
+            .into_iter()
+            .flat_map(|points| (0..SURVEY).map(move |i| points.point(i).to_vec()));
+        let designs = points.filter_map(|at| problem.point(Approach::Nominal, &at, problem.base()));
+        designs.filter(|design| problem.prepare(design).is_ok())
     }
 
     /// The names and units of both inputs and both outputs, a line for each list.
@@ -208,17 +214,11 @@ mod tests {
         Model::new(campaign).unwrap()
     }
 
-    fn middle(problem: &Problem) -> Design {
-        let middle = vec![0.5; problem.dimension_of(Approach::Nominal)];
-        let point = problem.point(Approach::Nominal, &middle, problem.base());
-        point.unwrap()
-    }
-
     #[test]
     fn coefficients_of_a_random_stream_give_its_sample_and_zeros_the_baseline() {
         let model = model();
         let problem = &model.problem;
-        let design = middle(problem);
+        let design = model.simulable().next().unwrap();
         let mut prepared = problem.prepare(&design).unwrap();
         let modes = prepared.modes();
         assert!(modes <= model.coefficients, "{modes}");
@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn what_is_not_asked_for_as_it_should_be_is_refused_with_what_would_be_right() {
         let model = model();
-        let design = middle(&model.problem);
+        let design = model.simulable().next().unwrap();
         let refused = |path: &str, content: Value| model.answer(path, &content).unwrap_err();
         let here =
             |input: Value, config: Value| json!({ "name": NAME, "input": input, "config": config });
