@@ -242,7 +242,7 @@ fn problem(is_shipped: bool) -> String {
 }
 
 /// The example of a program that communicates through files, with infill, a constraint, and a second response with a
-/// constraint on its samples. The campaign says in which lines the numbers are.
+/// constraint on its samples. The campaign says in which lines the numbers are, and knows samples of a design of its own.
 fn files() -> String {
     let changes = [
         (
@@ -251,7 +251,10 @@ fn files() -> String {
              [[responses]]\nname = \"overstress\"\nunit = \"psi\"\n\n[objective]\nresponse = \"displacement\"\n\n\
              [[responses]]\n",
         ),
-        ("designs = 40", "designs = 24"),
+        (
+            "designs = 40",
+            "designs = 24\npoints = [[2.5, 3.5]]\nsamples = [[[-5000.0, 1.9], [-9000.0, 2.0]]]",
+        ),
         ("samples_per_design = 25", "samples_per_design = 15"),
         ("evaluations = 300", "evaluations = 100"),
         ("\nsamples = 400", "\nsamples = 150"),
