@@ -60,7 +60,7 @@ pub use response::ResponseSection;
 pub use result_line::ResultLine;
 pub use sampling::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
 pub use sections::{Load, Manufacture};
-pub use settings::{Doe, Optimise, Verify};
+pub use settings::{Doe, Optimise, TableRows, Verify};
 pub use simulator::{SimulatorKind, SimulatorSection, UmBridgeSection};
 pub(crate) use validate::Source;
 

@@ -1,7 +1,7 @@
 //! Designs of the user's own, which come first in the DoE, and what is known of them: `[doe] points` and `samples`, or
 //! the rows of `[doe] table`.
 
-use crate::file::{Doe, Source};
+use crate::file::{Doe, Source, TableRows};
 use crate::formulation::Problem;
 use crate::{Campaign, FileError};
 
@@ -32,8 +32,8 @@ impl Problem {
     }
 }
 
-/// The section with the designs of its table, which has a column for each free variable, and perhaps one for each sampled
-/// response; other columns are not read. `file` names the table in errors.
+/// The section with the designs of its table, which has a column for each free variable and, if its rows are samples, for
+/// each sampled response; other columns are not read. `file` names the table in errors.
 pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe, FileError> {
     let wrong = |line: u64, message: String| FileError::Syntax {
         file: file.to_owned(),
@@ -59,19 +59,17 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
     };
     let places = problem.free_names().map(|name| Ok((name, place(name)?)));
     let places = places.collect::<Result<Vec<_>, FileError>>()?;
-    let sampled: Vec<&str> = problem.sampled().iter().map(|one| &*one.name).collect();
-    let responses = match sampled
-        .iter()
-        .any(|name| header.iter().any(|column| column == *name))
-    {
-        true => sampled
-            .iter()
-            .map(|name| Ok((*name, place(name)?)))
-            .collect(),
-        false => Ok::<_, FileError>(Vec::new()),
-    }?;
+    let names = match problem.campaign().doe.table_rows {
+        TableRows::Designs => &[],
+        TableRows::Samples => problem.sampled(),
+    };
+    let responses = names.iter().map(|one| Ok((&*one.name, place(&one.name)?)));
+    let responses = responses.collect::<Result<Vec<_>, FileError>>()?;
     if !responses.is_empty() && problem.campaign().has_scores() {
-        return Err(wrong(1, format!("column {} must be {DRAWN}", sampled[0])));
+        return Err(wrong(
+            1,
+            format!("doe.table_rows must be \"designs\", and samples {DRAWN}"),
+        ));
     }
     let (mut points, mut samples) = (Vec::<Vec<f64>>::new(), Vec::<Vec<Vec<f64>>>::new());
     for record in reader.records() {
@@ -136,6 +134,7 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
         points,
         samples,
         table: None,
+        table_rows: TableRows::Designs,
         ..problem.campaign().doe
     })
 }
@@ -246,7 +245,8 @@ mod tests {
     fn samples_of_own_designs_are_read_from_the_file_or_a_table() {
         let own = "points = [[2.0, 3.0], [1.5, 3.5]]\nsamples = [[[0.1], [0.2]]]";
         let own = with(own).unwrap();
-        let file = with("table = \"points.csv\"").unwrap();
+        let samples = "table = \"points.csv\"\ntable_rows = \"samples\"";
+        let file = with(samples).unwrap();
         let table = "width,thickness,displacement\n2,3,0.1\n1.5,3.5,\n2,3,0.2\n";
         let file = file.with_designs("points.csv", table).unwrap();
         assert_eq!(file.campaign, own.campaign);
@@ -279,7 +279,8 @@ mod tests {
             );
         }
         let table = |text: &str| {
-            let file = with("table = \"points.csv\"").unwrap();
+            let samples = "table = \"points.csv\"\ntable_rows = \"samples\"";
+            let file = with(samples).unwrap();
             file.with_designs("points.csv", text)
                 .unwrap_err()
                 .to_string()
@@ -291,6 +292,8 @@ mod tests {
         );
         let error = table("width,thickness,displacement\n2,3,0.1\n2,3,\n");
         assert!(error.contains("designs that differ"), "{error}");
+        let error = table("width,thickness\n2,3\n");
+        assert!(error.contains("there is no column displacement"), "{error}");
         let random = include_str!("../../../campaigns/bracket/campaign.toml");
         let own = "[doe]\npoints = [[20.0, 30.0]]\nsamples = [[[1.0, 2.0, 3.0]]]\n";
         let random = random.replacen("[doe]", own, 1);

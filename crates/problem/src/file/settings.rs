@@ -25,9 +25,30 @@ pub struct Doe {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<Vec<Vec<f64>>>,
     /// A CSV file with these designs in the place of `points`, relative to the folder of the campaign file: a column for
-    /// each of the variables. With a column for each sampled response, too, its rows are the designs' `samples`.
+    /// each of the variables.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table: Option<String>,
+    /// What a row of the table is.
+    #[serde(default, skip_serializing_if = "TableRows::are_designs")]
+    pub table_rows: TableRows,
+}
+
+/// What a row of `doe.table` is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum TableRows {
+    /// A design.
+    #[default]
+    Designs,
+    /// A sample of a design, with a column for each sampled response, too: the table has `samples` as well as `points`.
+    /// A design without any has a row in which these are empty.
+    Samples,
+}
+
+impl TableRows {
+    fn are_designs(&self) -> bool {
+        *self == Self::Designs
+    }
 }
 
 /// `[optimise]`: the settings of CMA-ES.
@@ -96,6 +117,12 @@ impl Doe {
             let expected = "absent beside doe.points, which are the designs themselves";
             source.require(self.points.is_empty(), "doe.table", table, expected)?;
         }
+        source.require(
+            self.table.is_some() || self.table_rows.are_designs(),
+            "doe.table_rows",
+            "samples",
+            "absent without doe.table",
+        )?;
         source.require(
             self.samples.len() <= self.points.len(),
             "doe.samples",
