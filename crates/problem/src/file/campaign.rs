@@ -5,7 +5,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::form::Form;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 use super::{
     Budget, ConstraintSection, ControlVariate, Doe, Enrichment, ExternalSections, FileError,
     FrozenFrom, GearSections, Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify,
@@ -491,7 +491,7 @@ impl Campaign {
         if self.gears().is_some() && self.is_external() {
             let expected = "absent when simulator.kind is \"external\": the coordinator evaluates the \
                             constraints of thousands of candidates itself, with the built-in model";
-            return Err(source.error(Invalid::in_words("enrichment", "present", expected)));
+            return Err(source.error(InvalidValue::in_words("enrichment", "present", expected)));
         }
         source.require(
             self.sampling.coefficients == WearCoefficients::Independent,

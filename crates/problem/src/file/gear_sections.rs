@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 use super::{
     Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, advice,
     wear,
@@ -136,7 +136,7 @@ impl GearSections {
         }
         accuracy::validate(&self.grid, source)?;
         if is_external && self.grid != gear::Discretisation::of(self.pair.tooth_model) {
-            return Err(source.error(Invalid::in_words(
+            return Err(source.error(InvalidValue::in_words(
                 "accuracy",
                 "present",
                 "absent where a program simulates: it is the grid of the built-in model",

@@ -9,7 +9,7 @@ use stats::streams::{Purpose, stream};
 use super::{Candidate, Evaluation, FIRST_INFILL, Failure, Outcome, Output, Source, VERIFICATION};
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::optimise;
-use crate::simulator::{NoAnswer, Prepared, Simulator, State};
+use crate::simulator::{NoAnswer, PreparedDesign, Simulator, State};
 
 /// The short name of the reason for a candidate or a design whose evaluation failed.
 pub const FAILED: &str = "failed";
@@ -255,7 +255,7 @@ fn design(
 
 /// A design with the responses of its analyses.
 struct Analyses<'a> {
-    design: Box<dyn Prepared + 'a>,
+    design: Box<dyn PreparedDesign + 'a>,
     responses: Vec<f64>,
     /// The reason if the design gets no samples.
     ruled_out: Option<String>,
@@ -264,7 +264,7 @@ struct Analyses<'a> {
 /// Analyses a design in both states.
 fn analyse<'a>(
     problem: &Problem,
-    mut design: Box<dyn Prepared + 'a>,
+    mut design: Box<dyn PreparedDesign + 'a>,
     skip_violation: Option<f64>,
 ) -> Result<Analyses<'a>, NoAnswer> {
     let nominal = design.analyse(State::Nominal)?;
@@ -347,7 +347,7 @@ impl Names {
     }
 
     /// One sample, which does not depend on the other samples drawn.
-    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<Vec<f64>, NoAnswer> {
+    fn draw(self, design: &mut dyn PreparedDesign, index: u32) -> Result<Vec<f64>, NoAnswer> {
         let sample = u64::from(index);
         match self.coefficients {
             stats::Sampling::Independent => {
@@ -380,7 +380,7 @@ pub fn random_values(
 /// Samples of the responses, each from its own random stream, until one fails.
 fn draw(
     problem: &Problem,
-    design: &mut dyn Prepared,
+    design: &mut dyn PreparedDesign,
     names: Names,
     unit: &Unit,
     keep_going: &dyn Fn(&Samples) -> bool,

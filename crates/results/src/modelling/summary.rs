@@ -83,12 +83,12 @@ pub struct Validation {
     /// The fraction of observations within their 95 % prediction interval.
     pub coverage95: f64,
     /// The observation that lies furthest from its prediction, in standard deviations.
-    pub largest: Largest,
+    pub largest: LargestResidual,
 }
 
 /// The largest standardised residual.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Largest {
+pub struct LargestResidual {
     /// The observation's line in the file, from 1.
     pub line: u64,
     /// Observation minus prediction over its standard deviation.
@@ -160,7 +160,7 @@ fn validation(found: &kriging::LeaveOneOut, table: &Table) -> Validation {
         rmse: found.rmse,
         q2: found.q2,
         coverage95: found.coverage(0.95),
-        largest: Largest {
+        largest: LargestResidual {
             line: table.line(observation),
             standardised,
         },

@@ -1,6 +1,6 @@
 //! The measures of a problem: that of its objective, and those that its constraints limit.
 
-use stats::{Samples, Verified};
+use stats::{IntervalEstimate, Samples};
 
 use super::{Bound, Constraint, Quantity};
 use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling, Several};
@@ -10,12 +10,12 @@ const HOLDS: f64 = 0.95;
 
 /// A measure of the samples of a design.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct ResponseMeasure {
     /// Its name, such as P90 or the name of a constraint, and its unit.
     pub quantity: Quantity,
     /// The response that it is a measure of.
     pub response: Quantity,
-    combined: Combined,
+    sample_value: SampleValue,
     /// The settings that the measure of verification samples follows from.
     stated: Sampling,
     /// The settings for designs of the DoE and for models.
@@ -32,14 +32,14 @@ struct Limit {
 
 /// The number that a sample counts as, from the values of its responses.
 #[derive(Debug, Clone)]
-enum Combined {
+enum SampleValue {
     One(usize),
     Greatest(Vec<usize>),
     Least(Vec<usize>),
     Sum(Vec<(usize, f64)>),
 }
 
-impl Measured {
+impl ResponseMeasure {
     /// The measure of a problem with one response.
     pub(super) fn of_one(response: Quantity, sampling: &Sampling) -> Self {
         let name = sampling.objective.name([&response.name, &response.unit]);
@@ -50,7 +50,7 @@ impl Measured {
         Self {
             quantity: Quantity::new(&name, unit),
             response,
-            combined: Combined::One(0),
+            sample_value: SampleValue::One(0),
             stated: sampling.clone(),
             searched: sampling.clone(),
             limit: None,
@@ -66,7 +66,7 @@ impl Measured {
             };
             let response = sections.response_of(objective.response.as_ref());
             Self {
-                combined: Combined::new(sections, objective.response.as_ref()),
+                sample_value: SampleValue::new(sections, objective.response.as_ref()),
                 ..Self::of_one(response, &sampling)
             }
         };
@@ -74,14 +74,14 @@ impl Measured {
             let stated = section.limited()?;
             let limit = section.limit_of_measure()?;
             let (searched, searched_limit) = stated.searched(limit);
-            let mut measured = of(&stated);
-            measured.quantity.name = section.name.clone().into();
-            measured.searched.objective = searched;
-            measured.limit = Some(Limit {
+            let mut measure = of(&stated);
+            measure.quantity.name = section.name.clone().into();
+            measure.searched.objective = searched;
+            measure.limit = Some(Limit {
                 stated: limit,
                 searched: searched_limit,
             });
-            Some(measured)
+            Some(measure)
         });
         std::iter::once(of(&sampling.objective))
             .chain(limited)
@@ -123,11 +123,11 @@ impl Measured {
         if Samples::is_failed(row) {
             return self.stated.failed_sample();
         }
-        match &self.combined {
-            Combined::One(place) => row[*place],
-            Combined::Greatest(places) => of(places, f64::NEG_INFINITY, f64::max),
-            Combined::Least(places) => of(places, f64::INFINITY, f64::min),
-            Combined::Sum(weights) => weights
+        match &self.sample_value {
+            SampleValue::One(place) => row[*place],
+            SampleValue::Greatest(places) => of(places, f64::NEG_INFINITY, f64::max),
+            SampleValue::Least(places) => of(places, f64::INFINITY, f64::min),
+            SampleValue::Sum(weights) => weights
                 .iter()
                 .map(|(place, weight)| weight * row[*place])
                 .sum(),
@@ -139,13 +139,13 @@ impl Measured {
     /// # Errors
     ///
     /// Those of [`Measure::verified`](stats::Measure::verified).
-    pub fn verified(&self, samples: &Samples) -> Result<Verified, stats::Error> {
+    pub fn verified(&self, samples: &Samples) -> Result<IntervalEstimate, stats::Error> {
         self.stated.verified(&self.values(samples))
     }
 
     /// The difference of the measures of two designs, as [`Sampling::difference`].
     #[must_use]
-    pub fn difference(&self, first: &Samples, second: &Samples) -> Option<Verified> {
+    pub fn difference(&self, first: &Samples, second: &Samples) -> Option<IntervalEstimate> {
         let [first, second] = [first, second].map(|samples| self.values(samples));
         self.stated.difference(&first, &second)
     }
@@ -261,7 +261,7 @@ impl Measured {
     }
 }
 
-impl Combined {
+impl SampleValue {
     fn new(sections: &ExternalSections, response: Option<&Combination>) -> Self {
         let place = |name: &String| {
             let mut responses = sections.responses.iter();
