@@ -163,13 +163,13 @@ impl Campaign {
         let mut content = self.clone();
         content.simulator = content.simulator.of_values();
         content.budget = Budget::default();
-        hex(Sha256::digest(content.to_json().as_bytes()).into())
+        hex::encode(Sha256::digest(content.to_json()))
     }
 
     /// [`Self::values_digest`] in hex: the identity of a campaign and of those that extend it.
     #[must_use]
     pub fn lineage(&self) -> String {
-        hex(self.values_digest())
+        hex::encode(self.values_digest())
     }
 
     /// SHA-256 of everything that the values of a design's samples may depend on. It is the same
@@ -500,10 +500,6 @@ impl Campaign {
             "\"independent\" beside [enrichment], whose designs get more samples a few at a time",
         )
     }
-}
-
-fn hex(digest: [u8; 32]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Whether this is a valid name of a campaign.

@@ -159,11 +159,7 @@ impl Files {
             read.as_bytes(),
         ]
         .concat();
-        let digest: String = Sha256::digest(parts)
-            .iter()
-            .take(8)
-            .map(|byte| format!("{byte:02x}"))
-            .collect();
+        let digest = hex::encode(&Sha256::digest(parts)[..8]);
         Ok(Map::from_iter([
             ("protocol".to_owned(), PROTOCOL.into()),
             ("version".to_owned(), format!("files {digest}").into()),
