@@ -7,8 +7,7 @@ use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
 use super::validate::{InvalidValue, Source};
 use super::{
-    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, advice,
-    wear,
+    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, wear,
 };
 
 /// The sections that only gear campaigns have.
@@ -107,15 +106,6 @@ impl Penalty {
 }
 
 impl GearSections {
-    /// Advice about settings that are valid but doubtful.
-    pub(super) fn warnings(&self) -> Vec<String> {
-        let face_width_mm = self.pair.face_width_mm;
-        let mut warnings = advice::of_sections(&self.material, &self.wear, face_width_mm);
-        warnings.extend(advice::of_frozen(self));
-        warnings.extend(advice::of_coupled_designs(self));
-        warnings
-    }
-
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
         self.pair.validate(source)?;
         self.load.validate(source)?;
