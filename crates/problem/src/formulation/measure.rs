@@ -3,7 +3,7 @@
 use stats::{IntervalEstimate, Samples};
 
 use super::{Bound, Constraint, Quantity};
-use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling, Several};
+use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling};
 
 /// The probability with which a measure keeps the limit by which its estimate or prediction is judged.
 const HOLDS: f64 = 0.95;
@@ -15,7 +15,8 @@ pub struct ResponseMeasure {
     pub quantity: Quantity,
     /// The response that it is a measure of.
     pub response: Quantity,
-    sample_value: SampleValue,
+    /// The places of the responses that a sample's number is made of.
+    places: Vec<usize>,
     /// The settings that the measure of verification samples follows from.
     stated: Sampling,
     /// The settings for designs of the DoE and for models.
@@ -30,15 +31,6 @@ struct Limit {
     searched: f64,
 }
 
-/// The number that a sample counts as, from the values of its responses.
-#[derive(Debug, Clone)]
-enum SampleValue {
-    One(usize),
-    Greatest(Vec<usize>),
-    Least(Vec<usize>),
-    Sum(Vec<(usize, f64)>),
-}
-
 impl ResponseMeasure {
     /// The measure of a problem with one response.
     pub(super) fn of_one(response: Quantity, sampling: &Sampling) -> Self {
@@ -50,7 +42,7 @@ impl ResponseMeasure {
         Self {
             quantity: Quantity::new(&name, unit),
             response,
-            sample_value: SampleValue::One(0),
+            places: vec![0],
             stated: sampling.clone(),
             searched: sampling.clone(),
             limit: None,
@@ -64,11 +56,13 @@ impl ResponseMeasure {
                 objective: objective.clone(),
                 ..sampling.clone()
             };
-            let response = sections.response_of(objective.response.as_ref());
-            Self {
-                sample_value: SampleValue::new(sections, objective.response.as_ref()),
-                ..Self::of_one(response, &sampling)
+            let combination = objective.response.as_ref();
+            let mut measure = Self::of_one(sections.response_of(combination), &sampling);
+            if let Some(combination) = combination {
+                let places = combination.places(&sections.responses);
+                measure.places = places.expect("validation has found every response");
             }
+            measure
         };
         let limited = sections.constraints.iter().filter_map(|section| {
             let stated = section.limited()?;
@@ -117,20 +111,13 @@ impl ResponseMeasure {
     }
 
     fn value(&self, row: &[f64]) -> f64 {
-        let of = |places: &[usize], start: f64, pick: fn(f64, f64) -> f64| {
-            places.iter().map(|place| row[*place]).fold(start, pick)
-        };
         if Samples::is_failed(row) {
             return self.stated.failed_sample();
         }
-        match &self.sample_value {
-            SampleValue::One(place) => row[*place],
-            SampleValue::Greatest(places) => of(places, f64::NEG_INFINITY, f64::max),
-            SampleValue::Least(places) => of(places, f64::INFINITY, f64::min),
-            SampleValue::Sum(weights) => weights
-                .iter()
-                .map(|(place, weight)| weight * row[*place])
-                .sum(),
+        let values = self.places.iter().map(|&place| row[place]);
+        match &self.stated.objective.response {
+            None | Some(Combination::One(_)) => row[self.places[0]],
+            Some(Combination::Several(several)) => several.of(values),
         }
     }
 
@@ -257,30 +244,6 @@ impl ResponseMeasure {
         match self.is_upper() {
             true => Bound::AtMost,
             false => Bound::AtLeast,
-        }
-    }
-}
-
-impl SampleValue {
-    fn new(sections: &ExternalSections, response: Option<&Combination>) -> Self {
-        let place = |name: &String| {
-            let mut responses = sections.responses.iter();
-            let place = responses.position(|one| one.name == *name);
-            place.expect("validation has found it")
-        };
-        match response {
-            None => Self::One(0),
-            Some(Combination::One(name)) => Self::One(place(name)),
-            Some(Combination::Several(several)) => match several {
-                Several::Greatest(names) => Self::Greatest(names.iter().map(place).collect()),
-                Several::Least(names) => Self::Least(names.iter().map(place).collect()),
-                Several::Sum(weights) => Self::Sum(
-                    weights
-                        .iter()
-                        .map(|(name, weight)| (place(name), *weight))
-                        .collect(),
-                ),
-            },
         }
     }
 }
