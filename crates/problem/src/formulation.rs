@@ -479,7 +479,7 @@ impl Problem {
         constraints.iter().map(Constraint::violation).sum()
     }
 
-    /// The part of [`violation`](Self::violation) that the measures with these [bounds](Measured::bound) cause.
+    /// The part of [`violation`](Self::violation) that the measures with these [bounds](ResponseMeasure::bound) cause.
     #[must_use]
     pub fn limited_violation(&self, bounds: &[f64]) -> f64 {
         let limited = self.limited().iter().zip(bounds);
