@@ -146,7 +146,7 @@ pub(crate) struct Peer {
     attachments: Attachments,
 }
 
-/// What is dropped at the end of a connection, by name.
+/// Values that are dropped at the end of a connection, by name.
 type Attachments = Arc<Mutex<BTreeMap<String, Box<dyn Any + Send>>>>;
 
 #[derive(Debug)]

@@ -43,6 +43,7 @@ struct State {
     dead: Vec<OrphanFile>,
 }
 
+/// The file of this worker.
 #[derive(Debug)]
 struct OwnFile {
     path: PathBuf,
@@ -53,6 +54,7 @@ struct OwnFile {
     busy: Vec<bool>,
 }
 
+/// The file of a worker that has ended.
 #[derive(Debug)]
 struct OrphanFile {
     path: PathBuf,
