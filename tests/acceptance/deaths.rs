@@ -4,7 +4,7 @@
 use std::os::unix::process::ExitStatusExt as _;
 use std::process::ExitStatus;
 
-use acceptance::{Running, Sandbox, python};
+use acceptance::{RunningProgram, Sandbox, python};
 use serde_json::Value;
 
 use crate::place::{DB, Place};
@@ -115,7 +115,7 @@ fn deaths(sandbox: &Sandbox, slots: &str, deadly: &[u32], has_notes: bool) -> us
             true => "notes".to_owned(),
             false => format!("notes-{deaths}"),
         };
-        let worker: Running = place.worker(&[
+        let worker: RunningProgram = place.worker(&[
             "--slots",
             slots,
             "--exec",

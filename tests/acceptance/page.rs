@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use acceptance::browser::Browser;
 use acceptance::http::{Answer, Events, LOCALHOST, VIEWS, get};
 use acceptance::{
-    Running, Sandbox, assert_code, binary, free_address, quick_campaign, small_campaign,
+    RunningProgram, Sandbox, assert_code, binary, free_address, quick_campaign, small_campaign,
 };
 use serde_json::{Value, json};
 
@@ -46,7 +46,7 @@ fn wait_for(address: SocketAddr, name: &str, condition: impl Fn(&Value) -> bool)
 }
 
 /// Starts a coordinator with a page and one worker of its own.
-fn serve(sandbox: &Sandbox, file: &str, http: SocketAddr) -> Running {
+fn serve(sandbox: &Sandbox, file: &str, http: SocketAddr) -> RunningProgram {
     let http = http.to_string();
     let serve = ["serve", file, "--db", "c.db", "--listen", "127.0.0.1:0"];
     let more = ["--workers", "1", "--http", &http, "--keep-serving"];

@@ -2,7 +2,7 @@
 
 use std::process::Output;
 
-use acceptance::{Running, Sandbox, assert_code, free_address, printed, small_campaign};
+use acceptance::{RunningProgram, Sandbox, assert_code, free_address, printed, small_campaign};
 
 /// The store of the coordinators in a test.
 pub(crate) const DB: &str = "c.db";
@@ -37,22 +37,22 @@ impl<'s> Place<'s> {
         Self::new(sandbox, &small_campaign(300, 4000))
     }
 
-    pub(crate) fn serve(&self, options: &[&str]) -> Running {
+    pub(crate) fn serve(&self, options: &[&str]) -> RunningProgram {
         self.start(&[&SHORT_LEASES[..], options].concat())
     }
 
     /// Starts a coordinator with leases of this many seconds.
-    pub(crate) fn serve_for(&self, lease: &str) -> Running {
+    pub(crate) fn serve_for(&self, lease: &str) -> RunningProgram {
         self.start(&["--lease", lease])
     }
 
     /// Starts a coordinator that dies at a fail point.
-    pub(crate) fn serve_dying(&self, point: &str) -> Running {
+    pub(crate) fn serve_dying(&self, point: &str) -> RunningProgram {
         let arguments = [&self.command()[..], &SHORT_LEASES].concat();
         self.sandbox.start_dying(point, &arguments)
     }
 
-    fn start(&self, options: &[&str]) -> Running {
+    fn start(&self, options: &[&str]) -> RunningProgram {
         let arguments = [&self.command()[..], options].concat();
         self.sandbox.start("coordinator", &arguments)
     }
@@ -61,7 +61,7 @@ impl<'s> Place<'s> {
         ["serve", &self.file, "--db", DB, "--listen", &self.address]
     }
 
-    pub(crate) fn worker(&self, options: &[&str]) -> Running {
+    pub(crate) fn worker(&self, options: &[&str]) -> RunningProgram {
         let connect = ["--connect", &self.address];
         self.sandbox.start("worker", &[&connect, options].concat())
     }

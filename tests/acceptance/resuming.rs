@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use acceptance::{Running, Sandbox, assert_code};
+use acceptance::{RunningProgram, Sandbox, assert_code};
 use ledger::StreamId;
 use store::{EvaluationRow, Store};
 
@@ -53,7 +53,7 @@ fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Vec<EvaluationRow>) {
 
 /// Ends the coordinator and the workers of a run with `end`, continues the run, and compares it
 /// with an undisturbed run of one worker.
-fn goes_on(end: impl Fn(Running)) {
+fn goes_on(end: impl Fn(RunningProgram)) {
     let sandbox = Sandbox::new();
     let file = campaign(
         &sandbox,
@@ -116,7 +116,7 @@ fn goes_on(end: impl Fn(Running)) {
 
 #[test]
 fn a_run_on_an_external_simulator_that_is_killed_goes_on() {
-    goes_on(Running::kill);
+    goes_on(RunningProgram::kill);
 }
 
 #[test]

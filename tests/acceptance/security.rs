@@ -9,7 +9,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use acceptance::{
-    Running, Sandbox, assert_code, binary, errors, free_address, printed, small_campaign,
+    RunningProgram, Sandbox, assert_code, binary, errors, free_address, printed, small_campaign,
 };
 
 /// A campaign that ends at once.
@@ -24,13 +24,13 @@ const BOUNDED: Duration = Duration::from_secs(30);
 const FILE: &str = "c.access";
 
 /// A coordinator that keeps serving.
-struct Guarded {
+struct GuardedCoordinator {
     sandbox: Sandbox,
-    coordinator: Running,
+    coordinator: RunningProgram,
     address: String,
 }
 
-impl Guarded {
+impl GuardedCoordinator {
     fn start(campaign: &str) -> Self {
         let sandbox = Sandbox::new();
         let file = sandbox.write("c.toml", campaign);
@@ -110,7 +110,7 @@ fn private(sandbox: &Sandbox, name: &str, text: &str) {
 
 #[test]
 fn a_campaign_finishes_with_a_copy_of_the_access_file() {
-    let guarded = Guarded::start(&tiny());
+    let guarded = GuardedCoordinator::start(&tiny());
     // A worker needs no more than a copy without the token for commands.
     guarded.copy_without("worker.access", "client_token");
     assert_code(&guarded.worker(&["--access", "worker.access"]), 0);
@@ -121,8 +121,8 @@ fn a_campaign_finishes_with_a_copy_of_the_access_file() {
 
 #[test]
 fn a_worker_without_the_right_to_is_refused_for_good() {
-    let guarded = Guarded::start(&tiny());
-    let other = Guarded::start(&tiny());
+    let guarded = GuardedCoordinator::start(&tiny());
+    let other = GuardedCoordinator::start(&tiny());
     let others = fs::read_to_string(other.sandbox.path(FILE)).unwrap();
     private(&guarded.sandbox, "other.access", &others);
 
@@ -173,7 +173,7 @@ fn a_worker_without_the_right_to_is_refused_for_good() {
 
 #[test]
 fn clients_look_and_steer_with_their_own_token() {
-    let guarded = Guarded::start(&tiny());
+    let guarded = GuardedCoordinator::start(&tiny());
     let ask = |command: &str, file: &str| {
         let arguments = [command, "--access", file];
         guarded.sandbox.coordinator(&arguments)
@@ -199,7 +199,7 @@ fn clients_look_and_steer_with_their_own_token() {
 
 #[test]
 fn a_restarted_coordinator_keeps_its_secrets() {
-    let guarded = Guarded::start(&small_campaign(60, 4000));
+    let guarded = GuardedCoordinator::start(&small_campaign(60, 4000));
     guarded.copy_without("worker.access", "client_token");
     let secrets = || {
         let text = fs::read_to_string(guarded.sandbox.path(FILE)).unwrap();
@@ -226,7 +226,7 @@ fn a_restarted_coordinator_keeps_its_secrets() {
 
 #[test]
 fn a_secret_does_not_travel_in_clear() {
-    let guarded = Guarded::start(&tiny());
+    let guarded = GuardedCoordinator::start(&tiny());
     // Another program listens at the address.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
@@ -350,7 +350,7 @@ fn an_exposed_secret_or_page_is_refused_and_leaves_nothing_behind() {
 fn strangers_on_the_port_disturb_nobody() {
     // Some seconds of sampling, during which garbage arrives all the time.
     let longer = small_campaign(60, 4000);
-    let guarded = Guarded::start(&longer);
+    let guarded = GuardedCoordinator::start(&longer);
     let work = ["--access", FILE, "--slots", "1"];
     let worker = guarded.sandbox.start("worker", &work);
     guarded

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use acceptance::{Running, Sandbox, assert_code, changed, errors, printed, python, root};
+use acceptance::{RunningProgram, Sandbox, assert_code, changed, errors, printed, python, root};
 
 use crate::example::path;
 use crate::place::{DB, Place};
@@ -67,7 +67,11 @@ fn done(sandbox: &Sandbox) -> u64 {
 }
 
 /// Starts a coordinator and a worker, and kills the coordinator while samples are computed.
-fn worker_without_coordinator(place: &Place<'_>, sandbox: &Sandbox, work: &[&str]) -> Running {
+fn worker_without_coordinator(
+    place: &Place<'_>,
+    sandbox: &Sandbox,
+    work: &[&str],
+) -> RunningProgram {
     let coordinator = place.serve(&[]);
     let worker = place.worker(work);
     sandbox.wait_for(DB, "some samples", |status| {

@@ -34,11 +34,11 @@ pub(crate) type Samples = BTreeMap<(u64, u64), f64>;
 /// The stored rows, which outlive every coordinator. Clones share them.
 #[derive(Clone, Default)]
 pub(crate) struct Memory {
-    inner: Arc<Mutex<Stored>>,
+    inner: Arc<Mutex<StoredRows>>,
 }
 
 #[derive(Default)]
-pub(crate) struct Stored {
+pub(crate) struct StoredRows {
     pub(crate) samples: Samples,
     pub(crate) criteria: BTreeMap<u64, bool>,
     pub(crate) failures: Vec<FailureRow>,
@@ -48,7 +48,7 @@ pub(crate) struct Stored {
     pub(crate) conflicts: u64,
 }
 
-impl Stored {
+impl StoredRows {
     fn knows_failure(&self, worker: &str, serial: Option<u64>) -> bool {
         let is_same = |row: &FailureRow| row.worker == worker && row.serial == serial;
         serial.is_some() && self.failures.iter().any(is_same)
@@ -56,7 +56,7 @@ impl Stored {
 }
 
 impl Memory {
-    pub(crate) fn with<T>(&self, act: impl FnOnce(&mut Stored) -> T) -> T {
+    pub(crate) fn with<T>(&self, act: impl FnOnce(&mut StoredRows) -> T) -> T {
         act(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))
     }
 

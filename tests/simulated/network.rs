@@ -34,15 +34,15 @@ const PORT: u16 = 7400;
 const WORKERS: [&str; 2] = ["worker-0", "worker-1"];
 
 /// A connection that the server has accepted.
-struct Accepted(TcpStream);
+struct AcceptedConnection(TcpStream);
 
-impl Connected for Accepted {
+impl Connected for AcceptedConnection {
     type ConnectInfo = ();
 
     fn connect_info(&self) {}
 }
 
-impl AsyncRead for Accepted {
+impl AsyncRead for AcceptedConnection {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -52,7 +52,7 @@ impl AsyncRead for Accepted {
     }
 }
 
-impl AsyncWrite for Accepted {
+impl AsyncWrite for AcceptedConnection {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -132,7 +132,7 @@ impl World {
         tokio::spawn(async move {
             while let Ok((stream, _)) = listener.accept().await {
                 if sender
-                    .send(Ok::<_, std::io::Error>(Accepted(stream)))
+                    .send(Ok::<_, std::io::Error>(AcceptedConnection(stream)))
                     .await
                     .is_err()
                 {

@@ -14,7 +14,7 @@ const LAST_MOMENTS: Duration = Duration::from_secs(20);
 
 /// What a script of `tests/deploy` started, in namespaces of its own.
 #[derive(Debug)]
-pub struct Isolated {
+pub struct IsolatedScript {
     /// `unshare`: the namespaces end with it.
     child: Child,
     /// The script, which is the first process of its namespaces.
@@ -22,7 +22,7 @@ pub struct Isolated {
     variables: Vec<(String, String)>,
 }
 
-impl Isolated {
+impl IsolatedScript {
     /// Starts `tests/deploy/SCRIPT FOLDER` and waits until it says `ready`. Nothing, where it says
     /// `skipped: WHY` or namespaces cannot be made; that is said then.
     ///
@@ -102,7 +102,7 @@ impl Isolated {
     }
 }
 
-impl Drop for Isolated {
+impl Drop for IsolatedScript {
     fn drop(&mut self) {
         // At the end of its input a script clears what outlives its processes, such as control groups.
         drop(self.child.stdin.take());

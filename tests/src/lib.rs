@@ -276,7 +276,7 @@ impl Sandbox {
     ///
     /// The program cannot be started.
     #[must_use]
-    pub fn start(&self, program: &str, arguments: &[&str]) -> Running {
+    pub fn start(&self, program: &str, arguments: &[&str]) -> RunningProgram {
         self.start_with(program, arguments, &[])
     }
 
@@ -286,7 +286,7 @@ impl Sandbox {
     ///
     /// The program cannot be started.
     #[must_use]
-    pub fn start_dying(&self, point: &str, arguments: &[&str]) -> Running {
+    pub fn start_dying(&self, point: &str, arguments: &[&str]) -> RunningProgram {
         let arguments = [&["--fail-point", point], arguments].concat();
         self.start("coordinator", &arguments)
     }
@@ -302,7 +302,7 @@ impl Sandbox {
         program: &str,
         arguments: &[&str],
         variables: &[(&str, &str)],
-    ) -> Running {
+    ) -> RunningProgram {
         let child = Command::new(binary(program))
             .args(arguments)
             .current_dir(self.folder.path())
@@ -313,7 +313,7 @@ impl Sandbox {
             .stderr(Stdio::piped())
             .spawn()
             .expect("the program starts");
-        Running { child }
+        RunningProgram { child }
     }
 
     /// The campaign's status; `None` before the store exists.
@@ -367,11 +367,11 @@ impl Sandbox {
 }
 
 /// A started program.
-pub struct Running {
+pub struct RunningProgram {
     child: Child,
 }
 
-impl Running {
+impl RunningProgram {
     /// Kills the program at once, as `kill -9` does.
     ///
     /// # Panics
@@ -460,7 +460,7 @@ impl Running {
     }
 }
 
-impl Drop for Running {
+impl Drop for RunningProgram {
     fn drop(&mut self) {
         // It fails if the program has already ended.
         let _ = self.child.kill();

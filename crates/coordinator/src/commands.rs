@@ -12,7 +12,7 @@ use problem::formulation::Problem;
 use results::describing::describe;
 use results::export::Table;
 use results::status::Status;
-use results::table::Versioned;
+use results::table::VersionedObject;
 use results::{comparison, export, pair_file, report, snapshot, status};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::server::{self, Outcome, Plan};
@@ -393,9 +393,11 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
 async fn compare(arguments: arguments::Compare) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
     let compared = comparison::compare(&store).await?;
-    print_either(arguments.json, &Versioned::new(compared.summary()), || {
-        compared.page()
-    })?;
+    print_either(
+        arguments.json,
+        &VersionedObject::new(compared.summary()),
+        || compared.page(),
+    )?;
     Ok(exit::OK)
 }
 

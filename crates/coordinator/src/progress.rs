@@ -4,7 +4,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressStyle};
-use results::running::Live;
+use results::running::CoordinatorStatus;
 use results::status::Status;
 use stages::stage::Stage;
 use tracing::info;
@@ -14,9 +14,10 @@ const TICK: Duration = Duration::from_millis(200);
 const LOGGED_EVERY: Duration = Duration::from_secs(15);
 
 /// The progress of a campaign.
-pub(crate) struct Progress(Mutex<Shown>);
+pub(crate) struct Progress(Mutex<Output>);
 
-struct Shown {
+/// The line on the terminal, or the time of the last line in the log.
+struct Output {
     /// On a terminal, a line for each finished stage and one for the running stage.
     line: Option<Line>,
     /// The time of the last line in the log.
@@ -40,7 +41,7 @@ struct Step {
 impl Progress {
     /// Creates the display without lines. It draws only if standard error is a terminal, and writes to the log otherwise.
     pub(crate) fn new() -> Self {
-        Self(Mutex::new(Shown {
+        Self(Mutex::new(Output {
             line: None,
             logged: Instant::now(),
         }))
@@ -48,16 +49,16 @@ impl Progress {
 
     /// Shows the running stage. The line of the previous one stays, with its duration.
     pub(crate) fn show(&self, status: &Status) {
-        let mut shown = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut output = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if runner::console::bars().is_hidden() {
-            if status.stage != Stage::Done && shown.logged.elapsed() >= LOGGED_EVERY {
-                shown.logged = Instant::now();
+            if status.stage != Stage::Done && output.logged.elapsed() >= LOGGED_EVERY {
+                output.logged = Instant::now();
                 let step = step(status);
                 info!(stage = %status.stage, done = step.done, of = step.wanted, "{}", step.message);
             }
             return;
         }
-        let line = &mut shown.line;
+        let line = &mut output.line;
         if line.as_ref().is_none_or(|line| line.stage != status.stage) {
             if let Some(line) = line.take() {
                 line.end();
@@ -76,8 +77,8 @@ impl Progress {
 
 impl Drop for Progress {
     fn drop(&mut self) {
-        let shown = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
-        if let Some(line) = shown.line.take() {
+        let output = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Some(line) = output.line.take() {
             line.bar.finish_and_clear();
         }
     }
@@ -148,7 +149,7 @@ fn step(status: &Status) -> Step {
     }
 }
 
-fn pace(live: Option<&Live>) -> String {
+fn pace(live: Option<&CoordinatorStatus>) -> String {
     let rate = live.map_or_else(
         || "samples".to_owned(),
         |live| results::number::rate(live.samples_per_second),
@@ -156,7 +157,7 @@ fn pace(live: Option<&Live>) -> String {
     format!("{rate}{}", to_go(live))
 }
 
-fn to_go(live: Option<&Live>) -> String {
-    let time = live.and_then(Live::time_to_go);
+fn to_go(live: Option<&CoordinatorStatus>) -> String {
+    let time = live.and_then(CoordinatorStatus::time_to_go);
     time.map_or_else(String::new, |time| format!(", to go: {time}"))
 }

@@ -25,7 +25,7 @@ const TABLE_END: f64 = 0.6;
 
 /// The separation of the tip corners, as tables over the distance beyond both ends of the path.
 #[derive(Debug, Clone)]
-pub(crate) struct Beyond {
+pub(crate) struct TipSeparation {
     step: f64,
     /// Gap before the start of the path (the gear's tip corner) and after its end (the pinion's),
     /// mm along the flank's normal.
@@ -35,7 +35,7 @@ pub(crate) struct Beyond {
     pub(crate) reach: [f64; 2],
 }
 
-impl Beyond {
+impl TipSeparation {
     /// `base_force` is the load on all contact lines, N; `youngs_modulus` in MPa.
     pub(crate) fn new(geometry: &Geometry, base_force: f64, youngs_modulus: f64) -> Self {
         let step = TABLE_END * geometry.base_pitch / STEPS as f64;

@@ -20,7 +20,7 @@ const WEBER_CEILING: f64 = 100.0;
 
 /// Where flanks touch, as far as their approach depends on it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Touching {
+pub(crate) struct ContactPlace {
     s: f64,
     /// Product of the half thicknesses along the load line, mm².
     thickness: f64,
@@ -29,7 +29,7 @@ pub(crate) struct Touching {
 /// The parts of the compliance at a place.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct NodeCompliance {
-    pub(crate) touching: Touching,
+    pub(crate) touching: ContactPlace,
     /// Both teeth with their foundations, mm per N/mm.
     pub(crate) teeth: f64,
     /// The place on both teeth; used by coupled cells only.
@@ -42,7 +42,7 @@ impl NodeCompliance {
         let (a, b) = (&nodes[place.cell], &nodes[place.cell + 1]);
         let mix = |a: f64, b: f64| a + place.u * (b - a);
         Self {
-            touching: Touching {
+            touching: ContactPlace {
                 s: place.s,
                 thickness: mix(a.touching.thickness, b.touching.thickness),
             },
@@ -77,7 +77,7 @@ impl UnloadedPair {
             (compliance, load.half_thickness, station)
         });
         NodeCompliance {
-            touching: Touching {
+            touching: ContactPlace {
                 s,
                 thickness: pinion.1 * gear.1,
             },
@@ -87,7 +87,7 @@ impl UnloadedPair {
     }
 
     /// Compliance of the contact under the line load `w`, N/mm; mm per N/mm.
-    pub(crate) fn contact(&self, at: &Touching, w: f64) -> f64 {
+    pub(crate) fn contact(&self, at: &ContactPlace, w: f64) -> f64 {
         let material = &self.input().material;
         let nu = material.poisson_ratio;
         let unit = 2.0 * (1.0 - nu * nu) / (PI * material.youngs_modulus_mpa);

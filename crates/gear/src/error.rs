@@ -10,7 +10,7 @@ pub enum Error {
     Input(#[from] InputError),
     /// The input is well formed, but no such gear pair exists or it cannot carry the load.
     #[error(transparent)]
-    Infeasible(#[from] Infeasible),
+    Infeasible(#[from] Infeasibility),
 }
 
 /// Why a well-formed design cannot be simulated. Lengths in mm, angles in radians.
@@ -19,7 +19,7 @@ pub enum Error {
 /// see [`Interference`](crate::Interference), and a design that breaks it can still be simulated.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
-pub enum Infeasible {
+pub enum Infeasibility {
     /// The profile shifts leave no positive working pressure angle at zero backlash.
     #[error(
         "the involute equation has no solution: the working pressure angle's involute would be \
@@ -210,7 +210,7 @@ pub enum Infeasible {
     },
 }
 
-impl Infeasible {
+impl Infeasibility {
     /// A short stable name of the reason, for tables and statistics.
     #[must_use]
     pub const fn code(&self) -> &'static str {

@@ -10,7 +10,7 @@
 
 use std::f64::consts::PI;
 
-use crate::error::Infeasible;
+use crate::error::Infeasibility;
 use crate::input::{Member, PairInput, Size, TipRule};
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::trochoid::{Trochoid, rack_corner_room};
@@ -138,11 +138,11 @@ fn working_involute(
 }
 
 /// Tangent of the angle with this involute.
-fn working_tangent(inv_alpha_wt: f64) -> Result<f64, Infeasible> {
+fn working_tangent(inv_alpha_wt: f64) -> Result<f64, Infeasibility> {
     if inv_alpha_wt > 0.0 && inv_alpha_wt.is_finite() {
         Ok(tangent_of_inv(inv_alpha_wt))
     } else {
-        Err(Infeasible::NoInvoluteSolution { inv_alpha_wt })
+        Err(Infeasibility::NoInvoluteSolution { inv_alpha_wt })
     }
 }
 
@@ -158,14 +158,14 @@ fn cos_of_tangent(t: f64) -> f64 {
 /// inv α_wt = inv α_t + 2 (x1 + x2) tan α_n / (Z1 + Z2).
 ///
 /// # Errors
-/// [`Infeasible::NoInvoluteSolution`] when the involute of α_wt would not be positive.
+/// [`Infeasibility::NoInvoluteSolution`] when the involute of α_wt would not be positive.
 pub fn normal_module(
     teeth: [u32; 2],
     size: Size,
     pressure_angle: f64,
     helix_angle: f64,
     sum_profile_shift: f64,
-) -> Result<f64, Infeasible> {
+) -> Result<f64, Infeasibility> {
     let inv_alpha_wt = working_involute(teeth, pressure_angle, helix_angle, sum_profile_shift);
     Ok(match size {
         Size::Both { normal_module, .. } => normal_module,
@@ -212,8 +212,8 @@ impl Geometry {
     /// Computes the geometry of a validated input.
     ///
     /// # Errors
-    /// The first reason, in the order of [`Infeasible`], for which the pair does not exist.
-    pub fn new(input: &PairInput) -> Result<Self, Infeasible> {
+    /// The first reason, in the order of [`Infeasibility`], for which the pair does not exist.
+    pub fn new(input: &PairInput) -> Result<Self, Infeasibility> {
         let z = input.teeth.map(f64::from);
         let (alpha_n, beta) = (input.pressure_angle, input.helix_angle.abs());
         let tan_n = alpha_n.tan();
@@ -240,7 +240,7 @@ impl Geometry {
                 // A distance of no backlash that was rounded to 12 digits has none.
                 if excess < -1e-11 {
                     let without = working_tangent(inv_without_backlash)?;
-                    return Err(Infeasible::Jammed {
+                    return Err(Infeasibility::Jammed {
                         centre_distance,
                         overlap: -backlash,
                         without_backlash: base_radii / cos_of_tangent(without),
@@ -248,7 +248,7 @@ impl Geometry {
                 }
                 if tan_wt <= 0.0 {
                     // The base circles touch or overlap.
-                    return Err(Infeasible::NoInvoluteSolution { inv_alpha_wt: 0.0 });
+                    return Err(Infeasibility::NoInvoluteSolution { inv_alpha_wt: 0.0 });
                 }
                 (centre_distance, tan_wt, backlash.max(0.0))
             }
@@ -269,13 +269,13 @@ impl Geometry {
         for member in Member::BOTH {
             let i = member.index();
             if r_f[i] <= 0.0 {
-                return Err(Infeasible::RootCircleVanishes {
+                return Err(Infeasibility::RootCircleVanishes {
                     member,
                     root_radius: r_f[i],
                 });
             }
             if psi_b[i] <= 0.0 {
-                return Err(Infeasible::ToothWithoutThickness {
+                return Err(Infeasibility::ToothWithoutThickness {
                     member,
                     half_angle: psi_b[i],
                 });
@@ -301,14 +301,14 @@ impl Geometry {
         for member in Member::BOTH {
             let i = member.index();
             if r_a[i] <= r_b[i] {
-                return Err(Infeasible::TipBelowBase {
+                return Err(Infeasibility::TipBelowBase {
                     member,
                     tip_radius: r_a[i],
                     base_radius: r_b[i],
                 });
             }
             if r_a[i] <= r_f[i] {
-                return Err(Infeasible::TipBelowRoot {
+                return Err(Infeasibility::TipBelowRoot {
                     member,
                     tip_radius: r_a[i],
                     root_radius: r_f[i],
@@ -316,7 +316,7 @@ impl Geometry {
             }
             let centre_radius = r_a[i] - input.tip_radius[i];
             if centre_radius < r_b[i] {
-                return Err(Infeasible::TipRoundingTooLarge {
+                return Err(Infeasibility::TipRoundingTooLarge {
                     member,
                     tip_rounding: input.tip_radius[i],
                     centre_radius,
@@ -325,7 +325,7 @@ impl Geometry {
             }
             let overlap = -rack_corner_room(input, m, member);
             if overlap > 0.0 {
-                return Err(Infeasible::RackCornerDoesNotFit {
+                return Err(Infeasibility::RackCornerDoesNotFit {
                     member,
                     root_rounding: input.root_radius[i],
                     overlap,
@@ -353,7 +353,7 @@ impl Geometry {
         for member in Member::BOTH {
             let i = member.index();
             if involute_start[i] >= reach[i] {
-                return Err(Infeasible::NoInvoluteFlank {
+                return Err(Infeasibility::NoInvoluteFlank {
                     member,
                     start: involute_start[i],
                     end: reach[i],
@@ -361,7 +361,7 @@ impl Geometry {
             }
             // The mate's tip must touch above this gear's base circle.
             if reach[1 - i] >= path_length {
-                return Err(Infeasible::ContactBeyondBase {
+                return Err(Infeasibility::ContactBeyondBase {
                     member,
                     reach: reach[1 - i],
                     available: path_length,

@@ -160,7 +160,7 @@ pub use accuracy::{Range, model_error};
 pub use analysis::Analysis;
 pub use converged::ConvergedPair;
 pub use corrections::{Corrections, ReliefShape, TipRelief};
-pub use error::{Error, Infeasible};
+pub use error::{Error, Infeasibility};
 pub use geometry::{Geometry, Interference, Sliding, normal_module, sum_profile_shift};
 pub use input::{
     Discretisation, InputError, Kernel, LocalAmount, Material, Member, PairInput, Rack, Size,

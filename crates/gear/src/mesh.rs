@@ -5,7 +5,7 @@
 
 use crate::balance::{Extremes, Frame};
 use crate::corrections::Lead;
-use crate::coupled::{self, Coupled, NotPositive};
+use crate::coupled::{self, CoupledCells, SingularCompliance};
 use crate::crowned::{CrownedBalance, Piece};
 use crate::elasticity::NodeCompliance;
 use crate::path::{Path, Window};
@@ -27,7 +27,7 @@ enum Contact {
     /// Slices, with the gap of the corrections along the face.
     Slices(Slices, Lead),
     WholeFace(WholeFace),
-    Coupled(Coupled),
+    Coupled(CoupledCells),
 }
 
 /// Working memory of a solution, reused from sample to sample.
@@ -76,9 +76,9 @@ impl Mesh {
         path: Path,
         gap: &[f64],
         has_lead_gap: bool,
-    ) -> Result<Self, NotPositive> {
+    ) -> Result<Self, SingularCompliance> {
         let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| pair.node(s)).collect();
-        let coupled = Coupled::new(pair, &path, &nodes, gap, has_lead_gap)?;
+        let coupled = CoupledCells::new(pair, &path, &nodes, gap, has_lead_gap)?;
         Ok(Self {
             contact: Contact::Coupled(coupled),
             frame: Frame {
@@ -91,7 +91,11 @@ impl Mesh {
 
     /// The mesh with the stiffness that belongs to the gap `gap` at the nodes, mm. Only coupled cells have
     /// another one.
-    pub(crate) fn with_gap(&self, pair: &UnloadedPair, gap: &[f64]) -> Result<Self, NotPositive> {
+    pub(crate) fn with_gap(
+        &self,
+        pair: &UnloadedPair,
+        gap: &[f64],
+    ) -> Result<Self, SingularCompliance> {
         let Contact::Coupled(coupled) = &self.contact else {
             return Ok(self.clone());
         };

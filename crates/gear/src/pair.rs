@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 
 use crate::analysis::{Analysis, UM, pressures};
 use crate::corrections::Corrections;
-use crate::coupled::NotPositive;
-use crate::error::{Error, Infeasible};
+use crate::coupled::SingularCompliance;
+use crate::error::{Error, Infeasibility};
 use crate::input::{Discretisation, PairInput};
 use crate::mesh::Mesh;
 use crate::unloaded::UnloadedPair;
@@ -41,8 +41,8 @@ impl UnloadedPair {
     /// Solves the contact of the unworn flanks.
     ///
     /// # Errors
-    /// [`Infeasible::ContactUnresolved`], with the tooth model `coupled` only.
-    pub fn load(self) -> Result<Pair, Infeasible> {
+    /// [`Infeasibility::ContactUnresolved`], with the tooth model `coupled` only.
+    pub fn load(self) -> Result<Pair, Infeasibility> {
         Pair::of(self)
     }
 }
@@ -72,7 +72,7 @@ impl Pair {
         Ok(UnloadedPair::new(input, corrections, disc)?.load()?)
     }
 
-    fn of(unloaded: UnloadedPair) -> Result<Self, Infeasible> {
+    fn of(unloaded: UnloadedPair) -> Result<Self, Infeasibility> {
         let path = unloaded.path();
         let corrections = unloaded.corrections();
         let relief: Vec<f64> = path
@@ -105,7 +105,11 @@ impl Pair {
     /// The mesh for flanks with this gap at the nodes, mm: that of the pair but for coupled cells, whose
     /// contact has the approach that belongs to these flanks. `may_tilt`: the gap may vary along the face
     /// from sample to sample.
-    pub(crate) fn mesh_of(&self, gap: &[f64], may_tilt: bool) -> Result<Arc<Mesh>, NotPositive> {
+    pub(crate) fn mesh_of(
+        &self,
+        gap: &[f64],
+        may_tilt: bool,
+    ) -> Result<Arc<Mesh>, SingularCompliance> {
         let geometry = self.geometry();
         // Spur teeth whose gap is the same all along the face have one cell a line, other teeth a cell for
         // every gap.

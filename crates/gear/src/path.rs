@@ -12,7 +12,7 @@
 
 use std::ops::Range;
 
-use crate::beyond::Beyond;
+use crate::beyond::TipSeparation;
 use crate::geometry::Geometry;
 use crate::input::Discretisation;
 
@@ -107,7 +107,7 @@ impl Path {
         geometry: &Geometry,
         disc: &Discretisation,
         touch: Touch,
-        beyond: Option<&Beyond>,
+        beyond: Option<&TipSeparation>,
         soft: &[f64],
         marks: &[f64],
     ) -> Self {

@@ -13,7 +13,7 @@
 //! The integrals of bending, shear and compression along the axis are taken by adaptive quadrature
 //! (`quadrature`), from the root circle to the tip, with the joint of trochoid and involute as a fixed
 //! break. A tooth for which its tolerance is not reached is refused
-//! ([`Infeasible::ComplianceUnresolved`]).
+//! ([`Infeasibility::ComplianceUnresolved`]).
 //!
 //! **Undercut** teeth follow the trochoid up to its crossing with the involute; a tooth that is
 //! undercut from both sides to nothing is refused. **Pointed** tips end in the apex; a load closer
@@ -23,7 +23,7 @@
 //! schrägverzahnten Rädern*, Vieweg 1953; ISO 6336-3:2006 (30° tangent section, notch factor).
 //! Left out: coupling between neighbouring slices of the face, thin rims and shafts.
 
-use crate::error::Infeasible;
+use crate::error::Infeasibility;
 use crate::geometry::Geometry;
 use crate::input::{Member, PairInput, ToothModel};
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
@@ -247,13 +247,13 @@ impl Tooth {
     /// Builds the outline and integrates along it.
     ///
     /// # Errors
-    /// [`Infeasible::FilletCusp`], [`Infeasible::NoInvoluteFlank`], [`Infeasible::ToothSevered`] or
-    /// [`Infeasible::ComplianceUnresolved`].
+    /// [`Infeasibility::FilletCusp`], [`Infeasibility::NoInvoluteFlank`], [`Infeasibility::ToothSevered`] or
+    /// [`Infeasibility::ComplianceUnresolved`].
     pub(crate) fn new(
         input: &PairInput,
         geometry: &Geometry,
         member: Member,
-    ) -> Result<Self, Infeasible> {
+    ) -> Result<Self, Infeasibility> {
         let i = member.index();
         let (m, alpha) = (geometry.normal_module, geometry.alpha_n);
         let cos_bb = geometry.beta_b.cos();
@@ -272,7 +272,7 @@ impl Tooth {
         };
         let offset = r_n - geometry.r[i];
         if psi_b <= 0.0 {
-            return Err(Infeasible::ToothWithoutThickness {
+            return Err(Infeasibility::ToothWithoutThickness {
                 member,
                 half_angle: psi_b,
             });
@@ -280,7 +280,7 @@ impl Tooth {
         let reach = tangent_length(offset + geometry.r_a[i], r_b);
         let thickness = m * s_n;
         if input.tooth_model == ToothModel::PrismaticBeam && thickness <= 0.0 {
-            return Err(Infeasible::BeamWithoutThickness { member, thickness });
+            return Err(Infeasibility::BeamWithoutThickness { member, thickness });
         }
         let mut tooth = Self {
             fillet,
@@ -302,7 +302,7 @@ impl Tooth {
             .map(|k| tooth.gamma_top * k as f64 / CUSP_SEARCH as f64)
             .any(|gamma| fillet.speed(gamma.cos()) <= 0.0)
         {
-            return Err(Infeasible::FilletCusp {
+            return Err(Infeasibility::FilletCusp {
                 member,
                 height: -fillet.h_c,
             });
@@ -321,18 +321,18 @@ impl Tooth {
             tooth.tau_tip = end.min(apex * (1.0 - 1e-12));
         }
         if tooth.tau_start >= tooth.tau_tip {
-            return Err(Infeasible::NoInvoluteFlank {
+            return Err(Infeasibility::NoInvoluteFlank {
                 member,
                 start: tooth.tau_start,
                 end: tooth.tau_tip,
             });
         }
         let failed = |failure| match failure {
-            Failure::Severed(half_thickness) => Infeasible::ToothSevered {
+            Failure::Severed(half_thickness) => Infeasibility::ToothSevered {
                 member,
                 half_thickness,
             },
-            Failure::Unresolved(error) => Infeasible::ComplianceUnresolved { member, error },
+            Failure::Unresolved(error) => Infeasibility::ComplianceUnresolved { member, error },
         };
         tooth.integrate(SEVERED * m).map_err(failed)?;
         Ok(tooth)

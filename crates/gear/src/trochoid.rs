@@ -102,7 +102,7 @@ pub(crate) fn rack_corner_room(input: &PairInput, m: f64, member: Member) -> f64
 
 #[cfg(test)]
 mod tests {
-    use crate::{Discretisation, Geometry, Infeasible, Pair, PairInput, Size};
+    use crate::{Discretisation, Geometry, Infeasibility, Pair, PairInput, Size};
 
     /// A spur pair of module 1 whose pinion has z teeth, the shift x and a tool of these dimensions.
     fn pair(z: u32, addendum: f64, rho: f64, x: f64) -> PairInput {
@@ -204,7 +204,7 @@ mod tests {
         let same = Geometry::new(&sized(alone.centre_distance)).unwrap();
         assert!(same.backlash < 1e-9 && (same.s_in - alone.s_in).abs() < 1e-6);
         match Geometry::new(&sized(alone.centre_distance - 0.1)) {
-            Err(Infeasible::Jammed {
+            Err(Infeasibility::Jammed {
                 without_backlash,
                 overlap,
                 ..

@@ -1,8 +1,8 @@
 //! A gear pair before its contact is solved.
 
-use crate::beyond::Beyond;
+use crate::beyond::TipSeparation;
 use crate::corrections::Corrections;
-use crate::error::{Error, Infeasible};
+use crate::error::{Error, Infeasibility};
 use crate::geometry::{Geometry, Interference, Sliding};
 use crate::input::{Discretisation, InputError, Member, PairInput, ToothModel};
 use crate::involute::tangent_length;
@@ -74,7 +74,7 @@ impl UnloadedPair {
             1.0 + 1e-9
         };
         if geometry.contact_ratio < least || geometry.eps_alpha <= 0.0 {
-            return Err(Infeasible::ContactGap {
+            return Err(Infeasibility::ContactGap {
                 eps_alpha: geometry.eps_alpha,
                 eps_beta: geometry.eps_beta,
             }
@@ -139,9 +139,9 @@ impl UnloadedPair {
     }
 
     /// The contact beyond both ends of the path.
-    pub(crate) fn beyond(&self) -> Beyond {
+    pub(crate) fn beyond(&self) -> TipSeparation {
         let youngs = self.input.material.youngs_modulus_mpa;
-        Beyond::new(&self.geometry, self.base_force, youngs)
+        TipSeparation::new(&self.geometry, self.base_force, youngs)
     }
 
     /// The input from which the pair was computed.

@@ -12,7 +12,7 @@
 //! Wear does not change the compliance: it moves load, which enters by its logarithm only.
 
 use crate::balance::Extremes;
-use crate::coupled::NotPositive;
+use crate::coupled::SingularCompliance;
 use crate::elasticity::NodeCompliance;
 use crate::input::ToothModel;
 use crate::mesh::{Mesh, Scratch};
@@ -45,12 +45,12 @@ impl UnwornContact {
     /// Solves the contact on `path` for the gap `relief` at its nodes, mm.
     ///
     /// # Errors
-    /// [`NotPositive`], with coupled cells only.
+    /// [`SingularCompliance`], with coupled cells only.
     pub(crate) fn solve(
         pair: &UnloadedPair,
         path: Path,
         relief: &[f64],
-    ) -> Result<Self, NotPositive> {
+    ) -> Result<Self, SingularCompliance> {
         let (geometry, tooth_model) = (pair.geometry(), pair.input().tooth_model);
         let (base_force, lead) = (pair.base_force(), pair.corrections().lead(geometry));
         if tooth_model == ToothModel::Coupled {

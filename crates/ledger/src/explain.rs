@@ -67,8 +67,8 @@ pub enum Explanation {
     Quarantined {
         /// Number of quarantined streams.
         quarantined: usize,
-        /// The first of them.
-        stream: StreamId,
+        /// The name of the first of them.
+        stream: String,
         /// The error of that stream.
         error: String,
     },
@@ -92,8 +92,9 @@ pub enum Explanation {
 
 impl<P: Clone> Ledger<P> {
     /// The reasons why no work, or no more work, is being leased at `now`. Never empty; the most
-    /// important comes first. A worker counts as present if it called within the length of a lease.
-    pub fn explain(&self, now: Duration) -> Vec<Explanation> {
+    /// important comes first. A worker counts as present if it called within the length of a lease. `name` names a stream
+    /// for users.
+    pub fn explain(&self, now: Duration, name: impl Fn(StreamId) -> String) -> Vec<Explanation> {
         let (free, leased) = (self.free.len(), self.leases.len());
         let open = self.streams.len() - self.quarantined.len();
         let mut reasons = Vec::new();
@@ -163,7 +164,7 @@ impl<P: Clone> Ledger<P> {
         if let Some((stream, error)) = first {
             reasons.push(Explanation::Quarantined {
                 quarantined: self.quarantined.len(),
-                stream,
+                stream: name(stream),
                 error: error.to_owned(),
             });
         } else if open == 0 {

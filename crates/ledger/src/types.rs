@@ -99,7 +99,7 @@ impl StreamId {
     }
 }
 
-/// As used in file names and logs: `design-12`, `point-3`, `run-3-0`.
+/// The name in rows of the store: `design-12`, `point-3`, `run-3-0`.
 impl fmt::Display for StreamId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.kind {

@@ -12,20 +12,20 @@ use serde::{Deserialize, Serialize};
 pub enum Approach {
     /// 1) Minimises the nominal response (for a gear pair, ΔSTE without wear) over all variables.
     #[serde(rename = "no-wear")]
-    Nominal,
+    Nominal = 1,
     /// 2) Minimises the response without random effects: for a gear pair, ΔSTE with Archard's wear.
     #[serde(rename = "archard", alias = "baseline")]
-    Baseline,
+    Baseline = 2,
     /// 3) Minimises the kriging mean of P90.
-    Kriging,
+    Kriging = 3,
     /// 4) Takes the best feasible point of the DoE.
-    BestOfDoe,
+    BestOfDoe = 4,
     /// Minimises the kriging prediction of P90 after rounds of infill, in campaigns with an
     /// enrichment.
-    EnrichedKriging,
+    EnrichedKriging = 5,
     /// Minimises the sampled percentile itself, with the same random numbers at every design and
     /// without a model.
-    Direct,
+    Direct = 6,
 }
 
 impl Approach {
@@ -72,13 +72,6 @@ impl Approach {
     /// The number in the paper's Table 5. It also identifies random streams and jobs.
     #[must_use]
     pub const fn number(self) -> u64 {
-        match self {
-            Self::Nominal => 1,
-            Self::Baseline => 2,
-            Self::Kriging => 3,
-            Self::BestOfDoe => 4,
-            Self::EnrichedKriging => 5,
-            Self::Direct => 6,
-        }
+        self as u64
     }
 }

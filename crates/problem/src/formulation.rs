@@ -20,7 +20,7 @@ mod constraint;
 mod design;
 mod external;
 pub mod gears;
-mod measured;
+mod measure;
 mod random;
 mod space;
 
@@ -29,10 +29,10 @@ pub use analysis::{Analysis, State};
 pub use constraint::{Bound, Constraint};
 pub use design::{Criteria, Design};
 pub use gears::{GearCriteria, GearVariables};
-pub use measured::Measured;
+pub use measure::ResponseMeasure;
 pub use random::RandomInputs;
 pub use space::Coordinate;
-use space::{Derived, Space};
+use space::{DerivedValues, Space};
 
 /// The problem of a campaign: variables, criteria and constraints.
 #[derive(Debug, Clone)]
@@ -49,7 +49,7 @@ pub struct Problem {
     responses: Vec<Quantity>,
     sampled: Vec<Quantity>,
     /// The objective's, and then those of the constraints.
-    measures: Vec<Measured>,
+    measures: Vec<ResponseMeasure>,
     random: Option<RandomInputs>,
     kind: Formulation,
 }
@@ -58,7 +58,7 @@ pub struct Problem {
 #[derive(Debug, Clone)]
 enum Formulation {
     Gears(Box<gears::Gears>),
-    External(external::External),
+    External(external::ExternalProblem),
 }
 
 impl Problem {
@@ -80,14 +80,14 @@ impl Problem {
                     criteria: gears::criteria(detailed),
                     responses: gears::responses(detailed),
                     sampled: vec![gears::SAMPLED],
-                    measures: vec![Measured::of_one(gears::SAMPLED, &campaign.sampling)],
+                    measures: vec![ResponseMeasure::of_one(gears::SAMPLED, &campaign.sampling)],
                     random: None,
                     kind: Formulation::Gears(Box::new(gears::Gears::new(*sections))),
                     campaign,
                 }
             }
             Kind::External(sections) => {
-                let external = external::External::new(sections);
+                let external = external::ExternalProblem::new(sections);
                 let space = external.space();
                 Self {
                     variables: external.variables(),
@@ -178,7 +178,7 @@ impl Problem {
         }
     }
 
-    fn derived(&self) -> &dyn Derived {
+    fn derived(&self) -> &dyn DerivedValues {
         match &self.kind {
             Formulation::Gears(gears) => &**gears,
             Formulation::External(_) => &(),
@@ -285,19 +285,19 @@ impl Problem {
 
     /// The measure that is optimised.
     #[must_use]
-    pub fn objective(&self) -> &Measured {
+    pub fn objective(&self) -> &ResponseMeasure {
         &self.measures[0]
     }
 
     /// The measures that constraints limit, in the order of the file.
     #[must_use]
-    pub fn limited(&self) -> &[Measured] {
+    pub fn limited(&self) -> &[ResponseMeasure] {
         &self.measures[1..]
     }
 
     /// All measures: that of the objective, and those that constraints limit.
     #[must_use]
-    pub fn measures(&self) -> &[Measured] {
+    pub fn measures(&self) -> &[ResponseMeasure] {
         &self.measures
     }
 
@@ -313,7 +313,7 @@ impl Problem {
         &self.sampled
     }
 
-    /// Criteria with the measures that constraints limit: the values of [`Measured::bound`], in the order of
+    /// Criteria with the measures that constraints limit: the values of [`ResponseMeasure::bound`], in the order of
     /// [`limited`](Self::limited).
     #[must_use]
     pub fn with_limited(&self, deterministic: &Criteria, bounds: &[f64]) -> Criteria {
@@ -479,11 +479,11 @@ impl Problem {
         constraints.iter().map(Constraint::violation).sum()
     }
 
-    /// The part of [`violation`](Self::violation) that the measures with these [bounds](Measured::bound) cause.
+    /// The part of [`violation`](Self::violation) that the measures with these [bounds](ResponseMeasure::bound) cause.
     #[must_use]
     pub fn limited_violation(&self, bounds: &[f64]) -> f64 {
         let limited = self.limited().iter().zip(bounds);
-        let constraints = limited.filter_map(|(measured, bound)| measured.constraint(*bound));
+        let constraints = limited.filter_map(|(measure, bound)| measure.constraint(*bound));
         constraints.map(|one| one.violation()).sum()
     }
 

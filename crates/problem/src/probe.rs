@@ -137,9 +137,8 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
     if failed == designs && failed > 0 {
         return Err(ProbeError::Fails(error));
     }
-    let digest = hash.finalize();
     Ok(Answers {
-        digest: digest.iter().map(|byte| format!("{byte:02x}")).collect(),
+        digest: hex::encode(hash.finalize()),
         sampled,
         equal,
     })

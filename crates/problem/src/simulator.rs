@@ -41,11 +41,11 @@ pub trait Simulator {
     /// # Errors
     ///
     /// The design is not simulable, or the simulator failed.
-    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer>;
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn PreparedDesign + 'a>, NoAnswer>;
 }
 
 /// A prepared design.
-pub trait Prepared {
+pub trait PreparedDesign {
     /// Analyses the design without random effects.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ impl Simulator for Problem {
         self
     }
 
-    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn PreparedDesign + 'a>, NoAnswer> {
         let Some(gears) = self.gears() else {
             return Err(NoAnswer::Failed(
                 "the built-in model simulates gears: start the worker with --exec 'CMD'".to_owned(),
@@ -100,7 +100,7 @@ impl Simulator for Problem {
                 error => format!("invalid-input: {error}"),
             })
         })?;
-        Ok(Box::new(BuiltIn {
+        Ok(Box::new(BuiltInDesign {
             gears,
             pair,
             sampler: None,
@@ -108,14 +108,14 @@ impl Simulator for Problem {
     }
 }
 
-struct BuiltIn<'a> {
+struct BuiltInDesign<'a> {
     gears: &'a Gears,
     pair: gear::Pair,
     /// Created for the first sample, which an optimiser never draws.
     sampler: Option<gear::Sampler>,
 }
 
-impl Prepared for BuiltIn<'_> {
+impl PreparedDesign for BuiltInDesign<'_> {
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
         let analysis = match state {
             State::Nominal => self.pair.unworn(),
@@ -141,7 +141,7 @@ impl Prepared for BuiltIn<'_> {
     }
 }
 
-impl BuiltIn<'_> {
+impl BuiltInDesign<'_> {
     fn sampler(&mut self) -> &mut gear::Sampler {
         self.sampler
             .get_or_insert_with(|| self.gears.sampler(&self.pair))

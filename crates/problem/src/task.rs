@@ -13,12 +13,14 @@ pub use crate::optimise::Run;
 
 mod compute;
 mod inputs;
+mod stream_name;
 
 pub use compute::{
     FAILED, KeepGoing, NOT_A_NUMBER, RULED_OUT, SIMULATOR_PANIC, compute, compute_until, failed,
     random_values,
 };
 pub use inputs::Inputs;
+pub use stream_name::{infill_mark, stream_name};
 
 /// The data that a worker needs to compute a stream.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,13 +8,13 @@ pub const SCHEMA_VERSION: u32 = 1;
 
 /// A JSON object with the version of its form in front.
 #[derive(Debug, Serialize)]
-pub struct Versioned<T> {
+pub struct VersionedObject<T> {
     schema_version: u32,
     #[serde(flatten)]
     content: T,
 }
 
-impl<T: Serialize> Versioned<T> {
+impl<T: Serialize> VersionedObject<T> {
     /// The content, a struct or a map, in the form of [`SCHEMA_VERSION`].
     pub const fn new(content: T) -> Self {
         Self {

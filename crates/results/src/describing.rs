@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use stages::optima::NoOptimum;
 
 use crate::number::{estimate, rate, with_unit};
-use crate::running::{Live, Worker};
+use crate::running::{CoordinatorStatus, Worker};
 use crate::status::{EnrichmentStatus, FailureGroup, Progress, Status};
 
 /// The status for people.
@@ -162,8 +162,8 @@ pub fn describe(status: &Status) -> String {
     text
 }
 
-fn describe_live(live: &Live, text: &mut String) {
-    let Live {
+fn describe_live(live: &CoordinatorStatus, text: &mut String) {
+    let CoordinatorStatus {
         jobs_queued,
         jobs_leased,
         jobs_done,

@@ -1,7 +1,7 @@
 //! A number with its confidence interval, for programs.
 
 use serde::{Deserialize, Serialize};
-use stats::Verified;
+use stats::IntervalEstimate;
 
 /// A measure or a difference of two, with its 95 % confidence interval.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -16,8 +16,8 @@ pub struct Estimate {
     pub high: Option<f64>,
 }
 
-impl From<Verified> for Estimate {
-    fn from(estimate: Verified) -> Self {
+impl From<IntervalEstimate> for Estimate {
+    fn from(estimate: IntervalEstimate) -> Self {
         let (low, high) = estimate.interval.unzip();
         Self {
             value: estimate.value,

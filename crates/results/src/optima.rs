@@ -1,12 +1,12 @@
 //! The optima of a campaign with their verification, and which of them is recommended.
 
 use problem::Approach;
-use problem::formulation::{Bound, Constraint, Measured, Problem};
+use problem::formulation::{Bound, Constraint, Problem, ResponseMeasure};
 use serde::{Deserialize, Serialize};
 use stages::names;
 use stages::optima::{self, Optimum};
 use stages::verification::Verification;
-use stats::{Samples, Verified};
+use stats::{IntervalEstimate, Samples};
 use store::Store;
 
 use crate::estimate::Estimate;
@@ -23,11 +23,11 @@ pub struct VerifiedOptimum {
     /// The verification samples in the store; `None` without a design.
     pub verification: Option<Verification>,
     /// The verified measure with its 95 % interval; `None` until all samples are there.
-    pub measure: Option<Verified>,
+    pub measure: Option<IntervalEstimate>,
     /// The difference of the measure from that of the recommended optimum, positive if worse, from samples with
     /// the same random numbers. `None` for the recommended optimum, for one that is not ranked, and if the samples
     /// are too few for an interval.
-    pub behind: Option<Verified>,
+    pub behind: Option<IntervalEstimate>,
 }
 
 /// A constraint on a measure of samples, judged by verification samples.
@@ -54,18 +54,18 @@ pub struct VerifiedLimit {
 }
 
 impl VerifiedLimit {
-    fn of(measured: &Measured, samples: &Samples) -> Option<Self> {
-        let limit = measured.limit()?;
-        let value = measured.verified(samples).ok()?;
+    fn of(measure: &ResponseMeasure, samples: &Samples) -> Option<Self> {
+        let limit = measure.limit()?;
+        let value = measure.verified(samples).ok()?;
         Some(Self {
-            constraint: measured.quantity.name.to_string(),
-            measure: measured.title(),
-            unit: measured.limit_unit().to_owned(),
+            constraint: measure.quantity.name.to_string(),
+            measure: measure.title(),
+            unit: measure.limit_unit().to_owned(),
             value: value.into(),
-            relation: measured.relation(),
+            relation: measure.relation(),
             limit,
-            holds: measured.keeps_limit(value.value),
-            confidence: measured.confidence(samples),
+            holds: measure.keeps_limit(value.value),
+            confidence: measure.confidence(samples),
         })
     }
 
@@ -167,7 +167,7 @@ impl Optima {
             let limits = samples.map_or_else(Vec::new, |samples| {
                 let limited = problem.limited().iter();
                 limited
-                    .filter_map(|measured| VerifiedLimit::of(measured, samples))
+                    .filter_map(|measure| VerifiedLimit::of(measure, samples))
                     .collect()
             });
             VerifiedOptimum {
@@ -264,14 +264,18 @@ pub fn is_ranked(problem: &Problem, approach: Approach) -> bool {
 }
 
 /// The difference between the measures of two optima, positive if `best` is better.
-fn behind(problem: &Problem, other: &VerifiedOptimum, best: &VerifiedOptimum) -> Option<Verified> {
+fn behind(
+    problem: &Problem,
+    other: &VerifiedOptimum,
+    best: &VerifiedOptimum,
+) -> Option<IntervalEstimate> {
     let (other, best) = (other.samples()?, best.samples()?);
     let difference = problem.objective().difference(other, best)?;
     let as_cost = |(low, high)| {
         let (a, b) = (problem.cost(low), problem.cost(high));
         (a.min(b), a.max(b))
     };
-    Some(Verified {
+    Some(IntervalEstimate {
         value: problem.cost(difference.value),
         interval: difference.interval.map(as_cost),
         ..difference

@@ -77,7 +77,7 @@ pub struct RunSeconds {
 
 /// The state of a running coordinator at one moment.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Running {
+pub struct CoordinatorState {
     /// The registered workers, each with its recent samples per second.
     pub workers: Vec<(WorkerStatus, f64)>,
     /// The time of this state, on the workers' clock.
@@ -96,7 +96,7 @@ pub struct Running {
 
 /// The running coordinator in the status.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Live {
+pub struct CoordinatorStatus {
     /// Waiting designs, points and runs.
     pub jobs_queued: u64,
     /// Leases held by workers.
@@ -160,7 +160,7 @@ struct Span {
 
 impl Backlog {
     /// The time for it at the recent rate; `None` while too little is known, or without a slot.
-    fn span(self, running: &Running, slots: f64) -> Option<Span> {
+    fn span(self, running: &CoordinatorState, slots: f64) -> Option<Span> {
         match self {
             Self::Counted(kind, count, error) => running.paces.of(kind).span(count, error),
             Self::Runs(runs) => {
@@ -176,10 +176,10 @@ impl Backlog {
     }
 }
 
-impl Live {
+impl CoordinatorStatus {
     /// The status's part about `running`. The time to go follows from the missing work of the stage.
     #[must_use]
-    pub fn of(running: Running, left: Option<Backlog>) -> Self {
+    pub fn of(running: CoordinatorState, left: Option<Backlog>) -> Self {
         let silent_for = |seen: Duration| running.now.saturating_sub(seen);
         let present = running.workers.iter().map(|(worker, _)| worker);
         let present = present.filter(|worker| silent_for(worker.last_seen) < GONE);

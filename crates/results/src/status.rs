@@ -13,7 +13,7 @@ pub(crate) use self::reading::of;
 pub use self::reading::read;
 use crate::estimate::Estimate;
 use crate::optima::VerifiedLimit;
-use crate::running::{Backlog, Live, Running};
+use crate::running::{Backlog, CoordinatorState, CoordinatorStatus};
 
 /// The object that `coordinator status --json` prints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,7 +65,7 @@ pub struct Status {
     pub warnings: Vec<String>,
     /// The running coordinator; absent when the store alone was asked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub live: Option<Live>,
+    pub live: Option<CoordinatorStatus>,
 }
 
 /// The progress of one stage.
@@ -189,7 +189,7 @@ pub struct OptimumStatus {
 impl Status {
     /// Adds the state of the running coordinator.
     #[must_use]
-    pub fn with(mut self, running: Running) -> Self {
+    pub fn with(mut self, running: CoordinatorState) -> Self {
         let left = |progress: Progress| progress.wanted.saturating_sub(progress.done) as f64;
         let searches = running.searches.iter().map(|search| Progress {
             done: search.evaluations,
@@ -217,7 +217,7 @@ impl Status {
             (stage.done, stage.wanted) = (progress.done, progress.wanted);
             stage.of = "evaluations of the runs that go on".to_owned();
         }
-        self.live = Some(Live::of(running, missing));
+        self.live = Some(CoordinatorStatus::of(running, missing));
         self
     }
 

@@ -5,7 +5,7 @@ use std::io::Write;
 use clap::ValueEnum;
 use serde_json::{Map, Number, Value};
 
-pub use crate::cell::{Cell, Column, Kind, SCHEMA_VERSION, Versioned};
+pub use crate::cell::{Cell, Column, Kind, SCHEMA_VERSION, VersionedObject};
 
 /// A table in memory.
 #[derive(Debug, Clone, PartialEq)]

@@ -149,7 +149,7 @@ impl Rows {
 
     /// All known responses as an enrichment's state: one entry per place, the designs of the DoE
     /// first. The measures that constraints limit enter its violations.
-    fn state(&self, problem: &Problem, base: &Design) -> Known {
+    fn state(&self, problem: &Problem, base: &Design) -> KnownResponses {
         let criteria: BTreeMap<u64, &CriteriaRow> = self
             .doe
             .criteria
@@ -271,7 +271,7 @@ impl Rows {
             sampled,
             rounds: self.rounds.iter().map(|round| self.record(round)).collect(),
         };
-        Known {
+        KnownResponses {
             state,
             limited,
             bounds,
@@ -341,7 +341,7 @@ impl Rows {
         let left = u64::from(section.samples).saturating_sub(self.asked());
         // At most the budget, which has 32 bits.
         let options = options(problem, section, left as u32)?;
-        let Known { state, limited, .. } = self.state(problem, base);
+        let KnownResponses { state, limited, .. } = self.state(problem, base);
         let is_feasible = |one: &SampledDesign| one.violation <= 0.0;
         let caution = match state.sampled.iter().any(is_feasible) {
             true => Caution::of_round(self.rounds.len()),
@@ -439,7 +439,7 @@ impl Rows {
 }
 
 /// All known responses of an enrichment.
-struct Known {
+struct KnownResponses {
     state: State,
     limited: LimitedModels,
     /// The values by which constraints on samples are judged at each place.

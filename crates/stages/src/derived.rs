@@ -14,8 +14,6 @@
 //! only when the job has delivered: a job that always fails must not cost them at each restart. An optimum is
 //! cheap to choose and is what a user reads, so it is removed as soon as one of its inputs is open.
 
-use std::fmt::Write as _;
-
 use ledger::{Generation, Kind, StreamId};
 use problem::formulation::{Approach, Design, Problem};
 use problem::task::{Inputs, Run, Source};
@@ -93,13 +91,10 @@ impl Digest {
     /// Adds the number of samples, their estimator and their measures.
     fn with_sampling(self, problem: &Problem) -> Self {
         let sampling = self.with_settings(problem.objective().sampling());
-        problem
-            .measures()
-            .iter()
-            .fold(sampling, |digest, measured| {
-                let objective = &measured.sampling().objective;
-                digest.with_settings(&(objective, measured.limit()))
-            })
+        problem.measures().iter().fold(sampling, |digest, measure| {
+            let objective = &measure.sampling().objective;
+            digest.with_settings(&(objective, measure.limit()))
+        })
     }
 
     fn with_base(mut self, base: Option<&Design>) -> Self {
@@ -110,12 +105,7 @@ impl Digest {
     }
 
     fn hex(self) -> String {
-        let bytes = self.0.finalize();
-        bytes.iter().fold(String::new(), |mut hex, byte| {
-            // Writing to a string does not fail.
-            let _ = write!(hex, "{byte:02x}");
-            hex
-        })
+        hex::encode(self.0.finalize())
     }
 }
 

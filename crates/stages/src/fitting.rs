@@ -119,7 +119,7 @@ pub fn of_doe(problem: &Problem, base: &Design, doe: &Doe, number: u64) -> Vec<O
 
 /// A fitted model.
 #[derive(Debug)]
-pub struct Fitted {
+pub struct FittedModel {
     /// What it is a model of, as a phrase.
     pub title: String,
     pub row: ModelRow,
@@ -133,7 +133,7 @@ pub fn fit_all(
     base: &Design,
     doe: &Doe,
     name: &str,
-) -> anyhow::Result<Vec<Fitted>> {
+) -> anyhow::Result<Vec<FittedModel>> {
     let settings = problem.campaign().kriging.settings(problem.campaign().seed);
     let of_constraint = Settings {
         // The quantity of a constraint may be negative.
@@ -141,7 +141,7 @@ pub fn fit_all(
         noise: problem.campaign().limit_noise(),
         ..settings.clone()
     };
-    let mut fitted: Vec<Fitted> = Vec::new();
+    let mut fitted: Vec<FittedModel> = Vec::new();
     let mut fit_one = |title: String, observed: &[Observation]| {
         let number = fitted.len() as u64;
         let settings = if number == 0 {
@@ -151,7 +151,7 @@ pub fn fit_all(
         };
         let (model, summary) = fit_with(problem, observed, settings).context(title.clone())?;
         let row = model_row(name, number, &model, &summary)?;
-        fitted.push(Fitted {
+        fitted.push(FittedModel {
             title,
             row,
             summary,

@@ -8,7 +8,7 @@ use enrich::{ExactCriteria, Options};
 use problem::file::Enrichment;
 use problem::formulation::{Criteria, Design, GearCriteria, Problem};
 use problem::simulator::Analysis;
-use problem::task::FIRST_INFILL;
+use problem::task::{FIRST_INFILL, infill_mark};
 use sha2::{Digest as _, Sha256};
 
 /// The constraint violation above which designs of the DoE do not enter the model: so far out they
@@ -57,13 +57,7 @@ pub fn point_number(index: u64, x: &[f64], taken: &[u64]) -> u64 {
 /// The name of an infill point in the store.
 #[must_use]
 pub fn point_name(index: u64, number: u64) -> String {
-    format!("infill-{index:04}-{}", mark(number))
-}
-
-/// The hashed part of an infill point's number, which ends its name.
-#[must_use]
-pub fn mark(number: u64) -> String {
-    format!("{:07x}", number % FIRST_INFILL)
+    format!("infill-{index:04}-{}", infill_mark(number))
 }
 
 /// The constraint violation of a design, from its criteria with the pressure under Archard's wear:

@@ -4,9 +4,8 @@ use std::ops::Range;
 
 use ledger::{Kind, StreamId, Unit};
 use problem::Approach;
+pub use problem::task::stream_name;
 use store::FailureRow;
-
-use crate::infill;
 
 /// The stream of a design in the store.
 #[must_use]
@@ -32,25 +31,6 @@ pub fn approach_and_start(stream: StreamId) -> Option<(Approach, u32)> {
     let (number, start) = stream.run_parts();
     let approach = Approach::numbered(number.into())?;
     (stream.kind == Kind::Run).then_some((approach, start))
-}
-
-/// The name of a stream in messages; starts count from 0.
-#[must_use]
-pub fn stream_name(stream: StreamId) -> String {
-    match stream.kind {
-        Kind::Run => match approach_and_start(stream) {
-            Some((approach, start)) => format!("run-{}-{start}", approach.name()),
-            None => stream.to_string(),
-        },
-        Kind::Design => stream.to_string(),
-        Kind::Point if infill::is_infill(stream.index) => {
-            format!("infill-{}", infill::mark(stream.index))
-        }
-        Kind::Point => match Approach::numbered(stream.index) {
-            Some(approach) => format!("verify-{}", approach.name()),
-            None => stream.to_string(),
-        },
-    }
 }
 
 /// The job of a failure in messages.
@@ -91,13 +71,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn streams_have_names_for_people() {
+    fn jobs_have_names_for_people() {
         let run = StreamId::run(Approach::Kriging.number() as u32, 2);
-        let infill = StreamId::point(infill::point_number(3, &[0.5; 6], &[]));
-        assert_eq!(stream_name(run), "run-kriging-2");
-        assert_eq!(stream_name(StreamId::point(2)), "verify-archard");
-        assert!(stream_name(infill).starts_with("infill-"));
-        assert_eq!(stream_name(StreamId::design(7)), "design-7");
         assert_eq!(
             job_name(StreamId::design(59), &(130..155)),
             "design-59, samples 130–154"

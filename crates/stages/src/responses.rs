@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use problem::file::Sampling;
-use problem::formulation::{Design, Measured, Problem};
+use problem::formulation::{Design, Problem, ResponseMeasure};
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 use stats::{Samples, VarianceFormula};
@@ -13,7 +13,7 @@ use crate::linear::LinearResponse;
 
 /// What a design's samples count as, with their control variate if there is one.
 #[derive(Debug, Clone, Copy)]
-pub struct Controlled<'a> {
+pub struct ControlledSamples<'a> {
     /// The values of the samples from the first on, without a hole: for a gear pair ΔSTE, µm.
     pub values: &'a [f64],
     /// The control variate's value for each sample, and its moments.
@@ -50,7 +50,7 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
         });
     }
     loop {
-        let row = response(0, Controlled::plain(&samples[..count]), sampling)?;
+        let row = response(0, ControlledSamples::plain(&samples[..count]), sampling)?;
         let of_normal = match rule.variance {
             VarianceFormula::Taylor => stats::percentile_variance,
             VarianceFormula::Exact => stats::exact_percentile_variance,
@@ -84,13 +84,13 @@ pub fn measures(
     samples: &Samples,
     control: Option<(&[f64], stats::Control)>,
 ) -> Result<Vec<ResponseRow>, stats::Error> {
-    let row = |(number, measured): (u64, &Measured)| {
-        let values = measured.values(samples);
-        let samples = Controlled {
+    let row = |(number, measure): (u64, &ResponseMeasure)| {
+        let values = measure.values(samples);
+        let samples = ControlledSamples {
             values: &values,
             control: control.filter(|_| number == 0),
         };
-        let row = response_of(design, samples, measured.sampling())?;
+        let row = response_of(design, samples, measure.sampling())?;
         Ok(ResponseRow { number, ..row })
     };
     (0..).zip(problem.measures()).map(row).collect()
@@ -103,7 +103,7 @@ pub fn measures(
 /// samples.
 pub fn response_of(
     design: u64,
-    samples: Controlled<'_>,
+    samples: ControlledSamples<'_>,
     settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
     let group = match settings.coefficients() {
@@ -125,10 +125,10 @@ pub fn response_of(
 /// The response of one design from independent samples.
 pub fn response(
     design: u64,
-    samples: Controlled<'_>,
+    samples: ControlledSamples<'_>,
     settings: &Sampling,
 ) -> Result<ResponseRow, stats::Error> {
-    let Controlled { values, control } = samples;
+    let ControlledSamples { values, control } = samples;
     // Without random wear the control is constant, and of no use.
     if let Some((controls, known)) = control
         && known.sd > 0.0
@@ -157,7 +157,7 @@ pub fn response(
     })
 }
 
-impl<'a> Controlled<'a> {
+impl<'a> ControlledSamples<'a> {
     /// Samples without a control variate.
     #[must_use]
     pub const fn plain(values: &'a [f64]) -> Self {
@@ -257,7 +257,7 @@ mod tests {
         );
         let row = response(
             0,
-            Controlled::plain(&samples(enough, 0.35)),
+            ControlledSamples::plain(&samples(enough, 0.35)),
             &sampling(None),
         )
         .unwrap();
@@ -282,7 +282,7 @@ mod tests {
                 estimator: Some(percentile),
                 ..sampling(None)
             };
-            response(3, Controlled::plain(&skewed), &settings).unwrap()
+            response(3, ControlledSamples::plain(&skewed), &settings).unwrap()
         };
         let (paper, normal, chosen) = (
             of(EstimatorRule::Paper),
@@ -345,7 +345,7 @@ mod tests {
                     let Ok(Output::Design { samples, .. }) = &output else {
                         panic!("the paper's design can be simulated")
                     };
-                    let samples = Controlled::plain(samples.values());
+                    let samples = ControlledSamples::plain(samples.values());
                     response_of(0, samples, &campaign.sampling).unwrap()
                 })
                 .collect();
@@ -390,7 +390,7 @@ mod tests {
             .collect();
         let controls = controls(&problem, (Purpose::Wear, 7), linear, values.len());
         let of = |count: usize, control: bool| {
-            let samples = Controlled {
+            let samples = ControlledSamples {
                 values: &values[..count],
                 control: control.then_some((&controls[..count], linear.moments())),
             };
@@ -448,7 +448,7 @@ mod tests {
                 let rows: Vec<ResponseRow> = rows
                     .map(|(values, controls)| {
                         let control = controlled.then_some((controls, linear.moments()));
-                        response(7, Controlled { values, control }, &settings).unwrap()
+                        response(7, ControlledSamples { values, control }, &settings).unwrap()
                     })
                     .collect();
                 let found: Vec<f64> = rows.iter().map(|row| row.measure).collect();

@@ -89,7 +89,7 @@ pub use normal::{NormalOptions, VarianceFormula, normal_p90, percentile_p90};
 pub use normality::{
     LILLIEFORS_MIN_SAMPLES, Lilliefors, lilliefors, lilliefors_critical_value, lilliefors_p_value,
 };
-pub use order::{Verified, order_interval_min_samples, order_statistic, paired_difference};
+pub use order::{IntervalEstimate, order_interval_min_samples, order_statistic, paired_difference};
 pub use percentile::{
     PAPER_Z90, PERCENTILE_MIN_SAMPLES, Percentile, percentile_interval, percentile_variance,
 };

@@ -30,7 +30,7 @@ use crate::order::{
     check, check_samples, order_interval_min_samples, order_statistic, paired_difference,
 };
 use crate::quantile::{HarrellDavisVariance, harrell_davis, harrell_davis_min_samples};
-use crate::{Error, Estimate, Method, Percentile, Verified};
+use crate::{Error, Estimate, IntervalEstimate, Method, Percentile};
 
 /// One number that says how good a random response is.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -191,14 +191,14 @@ impl Measure {
     ///
     /// [`Error::TooFewSamples`] without samples (below two of a mean), [`Error::NonFinite`] for one that is not a
     /// number, [`Error::OutOfRange`] unless level and confidence lie strictly between 0 and 1, [`Error::Overflow`].
-    pub fn verified(&self, samples: &[f64], confidence: f64) -> Result<Verified, Error> {
+    pub fn verified(&self, samples: &[f64], confidence: f64) -> Result<IntervalEstimate, Error> {
         let n = samples.len();
         match *self {
             Self::Percentile { level } => order_statistic(samples, level, confidence),
             Self::Exceedance { limit } => {
                 check_samples(samples, confidence)?;
                 let beyond = samples.iter().filter(|sample| **sample > limit).count();
-                Ok(Verified {
+                Ok(IntervalEstimate {
                     n,
                     value: beyond as f64 / n as f64,
                     interval: Some(clopper_pearson(beyond, n, confidence)),
@@ -208,7 +208,7 @@ impl Measure {
                 let infinite = samples.iter().find(|sample| sample.is_infinite());
                 if let Some(&value) = infinite {
                     let interval = None;
-                    return Ok(Verified { n, value, interval });
+                    return Ok(IntervalEstimate { n, value, interval });
                 }
                 let mut found = mean_of(&self.scores(samples)?, confidence)?;
                 if n < self.interval_min_samples(confidence) {
@@ -230,7 +230,7 @@ impl Measure {
         first: &[f64],
         second: &[f64],
         confidence: f64,
-    ) -> Result<Option<Verified>, Error> {
+    ) -> Result<Option<IntervalEstimate>, Error> {
         let n = first.len().min(second.len());
         let (first, second) = (&first[..n], &second[..n]);
         if let Self::Percentile { level } = *self {
@@ -286,12 +286,12 @@ impl Measure {
 }
 
 /// The mean of `scores` and its interval by Hall's transformation of Student's t.
-fn mean_of(scores: &[f64], confidence: f64) -> Result<Verified, Error> {
+fn mean_of(scores: &[f64], confidence: f64) -> Result<IntervalEstimate, Error> {
     let n = scores.len();
     check(confidence, "confidence")?;
     let (mean, sd) = mean_sd(scores)?;
     if sd == 0.0 {
-        return Ok(Verified {
+        return Ok(IntervalEstimate {
             n,
             value: mean,
             interval: Some((mean, mean)),
@@ -312,7 +312,7 @@ fn mean_of(scores: &[f64], confidence: f64) -> Result<Verified, Error> {
         root / a * (cube.cbrt() - 1.0)
     };
     let limit = |x: f64| mean - sd / root * inverse(x);
-    Ok(Verified {
+    Ok(IntervalEstimate {
         n,
         value: mean,
         interval: Some((limit(t), limit(-t))),

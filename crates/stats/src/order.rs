@@ -25,7 +25,7 @@ use crate::Error;
 
 /// A measure of samples, with an interval that assumes no distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Verified {
+pub struct IntervalEstimate {
     /// Number of samples.
     pub n: usize,
     /// The measure; all but a probability in the unit of the samples.
@@ -40,14 +40,18 @@ pub struct Verified {
 ///
 /// [`Error::TooFewSamples`] without samples, [`Error::NonFinite`] for a sample that is not a number,
 /// [`Error::OutOfRange`] unless `level` and `confidence` lie strictly between 0 and 1.
-pub fn order_statistic(samples: &[f64], level: f64, confidence: f64) -> Result<Verified, Error> {
+pub fn order_statistic(
+    samples: &[f64],
+    level: f64,
+    confidence: f64,
+) -> Result<IntervalEstimate, Error> {
     check(level, "level")?;
     check_samples(samples, confidence)?;
     let mut sorted = samples.to_vec();
     sorted.sort_by(f64::total_cmp);
     let tail = 0.5 * (1.0 - confidence);
     let limit = |chance| limit(&sorted, level, chance);
-    Ok(Verified {
+    Ok(IntervalEstimate {
         n: sorted.len(),
         value: at_rank(
             &sorted,
@@ -79,7 +83,7 @@ pub fn paired_difference(
     second: &[f64],
     level: f64,
     confidence: f64,
-) -> Result<Option<Verified>, Error> {
+) -> Result<Option<IntervalEstimate>, Error> {
     let n = first.len().min(second.len());
     let (first, second) = (&first[..n], &second[..n]);
     let a = order_statistic(first, level, confidence)?;
@@ -112,7 +116,7 @@ pub fn paired_difference(
     let half = |a: f64, b: f64| (a * a + b * b - 2.0 * correlation * a * b).max(0.0).sqrt();
     let low = value - half(a.value - of_a.0, of_b.1 - b.value);
     let high = value + half(of_a.1 - a.value, b.value - of_b.0);
-    Ok(Some(Verified {
+    Ok(Some(IntervalEstimate {
         n,
         value,
         interval: Some((low, high)),

@@ -9,7 +9,7 @@ use crate::campaign::{self, CampaignRow};
 use crate::connection::Connection;
 use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
-use crate::discard::{self, Discard, Discarded};
+use crate::discard::{self, Discard, RemovedRows};
 use crate::models::{self, ModelRow};
 use crate::optima::{self, OptimumRow};
 use crate::receipt::Receipt;
@@ -39,7 +39,7 @@ pub(crate) enum Change {
     /// Removes the evaluations of a run.
     NoEvaluations(StreamId),
     /// Removes results, or only counts them, and tells how many.
-    Discard(Discard, bool, Arc<OnceLock<Discarded>>),
+    Discard(Discard, bool, Arc<OnceLock<RemovedRows>>),
     /// Removes results that stand for failures whose reason begins with this text.
     NoFailures(String),
 }

@@ -1,6 +1,5 @@
 //! Digests of sets of samples.
 
-use std::fmt::Write as _;
 use std::ops::AddAssign;
 
 use sha2::{Digest as _, Sha256};
@@ -57,12 +56,7 @@ impl SamplesDigest {
 
     /// The bytes in hex, lowest first, so that the digest of a single sample reads as its SHA-256.
     pub(crate) fn to_hex(self) -> String {
-        let mut hex = String::with_capacity(64);
-        for byte in self.to_bytes() {
-            // Writing to a string cannot fail.
-            let _ = write!(hex, "{byte:02x}");
-        }
-        hex
+        hex::encode(self.to_bytes())
     }
 }
 

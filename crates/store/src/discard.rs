@@ -22,7 +22,7 @@ pub enum Discard {
 
 /// Numbers of removed rows.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Discarded {
+pub struct RemovedRows {
     /// Samples of designs, optima and infill points.
     pub samples: u64,
     /// Designs whose criteria were removed.
@@ -39,7 +39,7 @@ pub(crate) async fn discard(
     connection: &mut Connection<'_>,
     what: &Discard,
     is_trial: bool,
-) -> Result<Discarded, Error> {
+) -> Result<RemovedRows, Error> {
     connection.run("SAVEPOINT discard").await?;
     let removed = match what {
         Discard::Design(design) => of_design(connection, *design).await?,
@@ -52,24 +52,24 @@ pub(crate) async fn discard(
     Ok(removed)
 }
 
-async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<Discarded, Error> {
+async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<RemovedRows, Error> {
     let stream = StreamId::design(design);
     let held = tally::one(connection, stream).await?;
     samples::remove(connection, Streams::One(stream)).await?;
     // They are about results that are gone, such as a contradiction of two workers.
     failures::remove_of(connection, stream).await?;
-    Ok(Discarded {
+    Ok(RemovedRows {
         samples: held.map_or(0, |tally| tally.samples),
         criteria: criteria::remove_of_design(connection, design).await?,
-        ..Discarded::default()
+        ..RemovedRows::default()
     })
 }
 
-async fn of_worker(connection: &mut Connection<'_>, name: &str) -> Result<Discarded, Error> {
+async fn of_worker(connection: &mut Connection<'_>, name: &str) -> Result<RemovedRows, Error> {
     let mut origins = origins::all(connection).await?;
     origins.retain(|(_, row)| row.worker == name || row.host == name);
     let origins: BTreeSet<i64> = origins.into_iter().map(|(origin, _)| origin).collect();
-    let mut removed = Discarded::default();
+    let mut removed = RemovedRows::default();
     for origin in origins {
         removed.samples += samples::remove_from(connection, origin).await?;
         removed.criteria += criteria::remove_from(connection, origin).await?;

@@ -59,12 +59,12 @@ pub struct FailureRow {
 }
 
 /// A failure with its place in the order of the reports, which decides whether it came after a quarantine.
-struct Numbered {
+struct NumberedFailure {
     failure: i64,
     row: FailureRow,
 }
 
-impl Row for Numbered {
+impl Row for NumberedFailure {
     const TABLE: &'static str = "failure";
 
     fn key(&self) -> String {
@@ -137,7 +137,7 @@ pub(crate) async fn insert(
     let last = sqlx::query!(r#"SELECT coalesce(max(failure), 0) AS "failure!: i64" FROM failure"#);
     let failure = connection.one(last).await?.failure + 1;
     let row = row.clone();
-    let numbered = Numbered { failure, row };
+    let numbered = NumberedFailure { failure, row };
     let (row, seal) = (&numbered.row, row::seal(&numbered)?);
     let (stream, serial) = (key(row.stream), row.serial.map(u64::cast_signed));
     let query = sqlx::query!(
@@ -164,7 +164,7 @@ pub(crate) async fn insert(
 }
 
 /// Counts a failure in the tally of its kind and cause.
-async fn count(connection: &mut Connection<'_>, new: &Numbered) -> Result<(), Error> {
+async fn count(connection: &mut Connection<'_>, new: &NumberedFailure) -> Result<(), Error> {
     let (kind, cause) = (new.row.kind, cause(&new.row.error));
     let query = sqlx::query!(
         r#"SELECT failures AS "failures: u64", last_failure, seal
@@ -225,7 +225,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<FailureRo
     Ok(numbered.map(|one| one.row).collect())
 }
 
-async fn numbered(connection: &mut Connection<'_>) -> Result<Vec<Numbered>, Error> {
+async fn numbered(connection: &mut Connection<'_>) -> Result<Vec<NumberedFailure>, Error> {
     let query = sqlx::query!(
         r#"SELECT failure, stream AS "stream: StreamKey", sample AS "sample: u32", shared AS "shared: bool",
                   lease AS "lease: u32", worker, serial, kind AS "kind: FailureKind", error, at_unix_ms, seal
@@ -245,7 +245,7 @@ async fn numbered(connection: &mut Connection<'_>) -> Result<Vec<Numbered>, Erro
             at_unix_ms: stored.at_unix_ms,
         };
         let failure = stored.failure;
-        connection.check(Numbered { failure, row }, stored.seal)
+        connection.check(NumberedFailure { failure, row }, stored.seal)
     });
     failures.collect()
 }

@@ -103,7 +103,7 @@ pub use campaign::CampaignRow;
 pub use criteria::CriteriaRow;
 pub use derived::{Derivation, DerivedResult};
 pub use designs::DesignRow;
-pub use discard::{Discard, Discarded};
+pub use discard::{Discard, RemovedRows};
 pub use error::Error;
 pub use evaluations::EvaluationRow;
 pub use fail_point::FailPoint;

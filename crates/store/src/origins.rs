@@ -16,12 +16,12 @@ pub struct OriginRow {
 }
 
 /// An origin with its number.
-struct Numbered<'a> {
+struct NumberedOrigin<'a> {
     origin: i64,
     row: &'a OriginRow,
 }
 
-impl Row for Numbered<'_> {
+impl Row for NumberedOrigin<'_> {
     const TABLE: &'static str = "origin";
 
     fn key(&self) -> String {
@@ -50,7 +50,7 @@ pub(crate) async fn number(connection: &mut Connection<'_>, row: &OriginRow) -> 
     }
     let last = sqlx::query!(r#"SELECT coalesce(max(origin), 0) AS "origin!: i64" FROM origin"#);
     let origin = connection.one(last).await?.origin + 1;
-    let seal = row::seal(&Numbered { origin, row })?;
+    let seal = row::seal(&NumberedOrigin { origin, row })?;
     let query = sqlx::query!(
         "INSERT INTO origin (origin, worker, host, build, seal) VALUES (?, ?, ?, ?, ?)",
         origin,
@@ -76,7 +76,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<(i64, Ori
                 host: stored.host,
                 build: stored.build,
             };
-            connection.check(Numbered { origin, row: &row }, stored.seal)?;
+            connection.check(NumberedOrigin { origin, row: &row }, stored.seal)?;
             Ok((origin, row))
         })
         .collect()

@@ -15,7 +15,7 @@ use crate::connection::{Connection, Readers};
 use crate::criteria::{self, CriteriaRow};
 use crate::derived::{self, Derivation, DerivedResult};
 use crate::designs::{self, DesignRow};
-use crate::discard::{Discard, Discarded};
+use crate::discard::{Discard, RemovedRows};
 use crate::evaluations::{self, EvaluationRow};
 use crate::failures::{self, FailureGroup, FailureRow};
 use crate::generations;
@@ -296,7 +296,7 @@ impl Store {
 
     /// Removes results that are not trusted, all or nothing, or only counts them if `is_trial`. They are computed again
     /// like any that are missing, and what was derived from them is then found to be outdated.
-    pub async fn discard(&self, what: &Discard, is_trial: bool) -> Result<Discarded, Error> {
+    pub async fn discard(&self, what: &Discard, is_trial: bool) -> Result<RemovedRows, Error> {
         let told = Arc::default();
         self.put(Change::Discard(what.clone(), is_trial, Arc::clone(&told)))
             .await?;

@@ -13,7 +13,7 @@ use results::number::{MISSING, fixed};
 use results::report::write_file;
 use results::row;
 use results::table::{Cell, Column, Table};
-use stats::Verified;
+use stats::IntervalEstimate;
 
 use crate::direct::{self, Search, Start};
 use crate::refusal::require_built_in;
@@ -43,7 +43,7 @@ pub struct Outcome {
     /// Number of analyses with random wear.
     pub worn_calls: u64,
     /// The best feasible design and its P90 from verification samples, if a search met one.
-    pub best: Option<(Solution, Verified)>,
+    pub best: Option<(Solution, IntervalEstimate)>,
 }
 
 /// The sets that a campaign asks to compare: flanks as they are, then with corrections.

@@ -23,7 +23,7 @@ use results::report::write_file;
 use results::row;
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
-use stats::{Sensitivity, SensitivityIndex, SensitivityPlan, Verified};
+use stats::{IntervalEstimate, Sensitivity, SensitivityIndex, SensitivityPlan};
 
 use crate::finished::FeasibleOptimum;
 use crate::samples::in_pieces;
@@ -64,7 +64,7 @@ pub struct Scenario {
     /// The factor by which it is changed.
     pub factor: f64,
     /// P90 from the campaign's number of verification samples.
-    pub p90: Verified,
+    pub p90: IntervalEstimate,
 }
 
 /// The indices of one output.

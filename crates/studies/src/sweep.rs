@@ -16,7 +16,7 @@ use results::report::write_file;
 use results::row;
 use results::status;
 use results::table::{Cell, Column, Table};
-use stats::Verified;
+use stats::IntervalEstimate;
 use store::Store;
 
 use crate::table::{
@@ -138,7 +138,7 @@ impl Outcome {
     }
 
     /// The verified percentile; `None` without a design or with too few samples.
-    fn p90(&self) -> Option<Verified> {
+    fn p90(&self) -> Option<IntervalEstimate> {
         self.verified.measure
     }
 }

@@ -6,7 +6,7 @@ use problem::GearCriteria;
 use results::number::estimate;
 use results::table::{Cell, Table};
 use serde_json::{Map, Value, json};
-use stats::Verified;
+use stats::IntervalEstimate;
 
 /// A table of a page: figures as people read them.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,13 +82,13 @@ pub(crate) fn criteria_cells(criteria: Option<&GearCriteria>) -> [Cell; 4] {
 }
 
 /// A percentile with the ends of its interval.
-pub(crate) fn percentile_cells(p90: Option<Verified>) -> [Cell; 3] {
+pub(crate) fn percentile_cells(p90: Option<IntervalEstimate>) -> [Cell; 3] {
     let (low, high) = p90.and_then(|p90| p90.interval).unzip();
     [p90.map(|p90| p90.value), low, high].map(Cell::from)
 }
 
 /// A percentile and its interval for a page, as in `1.51 [1.49; 1.53]`.
-pub(crate) fn with_interval(p90: &Verified) -> String {
+pub(crate) fn with_interval(p90: &IntervalEstimate) -> String {
     estimate(p90.value, p90.interval, "")
 }
 

@@ -6,12 +6,12 @@ use std::path::Path;
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
-use acceptance::isolated::Isolated;
+use acceptance::isolated::IsolatedScript;
 use acceptance::{Sandbox, assert_code, errors, printed, programs, root, skipped};
 
 struct Engine<'s> {
     sandbox: &'s Sandbox,
-    daemon: Isolated,
+    daemon: IsolatedScript,
 }
 
 impl Engine<'_> {
@@ -134,7 +134,7 @@ fn a_copied_secret_is_the_workers_alone(sandbox: &Sandbox, engine: &Engine<'_>) 
 #[test]
 fn containers_with_two_workers_give_the_samples_of_a_local_run() {
     let sandbox = Sandbox::new();
-    let Some(daemon) = Isolated::start("docker.sh", &sandbox.path("engine"), &[]) else {
+    let Some(daemon) = IsolatedScript::start("docker.sh", &sandbox.path("engine"), &[]) else {
         return;
     };
     let engine = Engine {

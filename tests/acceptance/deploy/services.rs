@@ -3,7 +3,7 @@
 use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::time::{Duration, Instant};
 
-use acceptance::isolated::{Isolated, documented};
+use acceptance::isolated::{IsolatedScript, documented};
 use acceptance::{Sandbox, assert_code, errors, printed, programs, root, small_campaign};
 
 /// How long a service manager may take for anything.
@@ -16,7 +16,7 @@ const BOTH: [&str; 2] = ["pitchline-coordinator", "pitchline-worker"];
 
 struct Manager<'s> {
     sandbox: &'s Sandbox,
-    daemon: Isolated,
+    daemon: IsolatedScript,
 }
 
 impl Manager<'_> {
@@ -70,7 +70,7 @@ fn user_services_survive_kills_stops_and_restarts() {
     // The user has to get in.
     let open = std::fs::Permissions::from_mode(0o755);
     std::fs::set_permissions(sandbox.path("."), open).unwrap();
-    let Some(daemon) = Isolated::start("systemd.sh", &sandbox.path("user"), &[]) else {
+    let Some(daemon) = IsolatedScript::start("systemd.sh", &sandbox.path("user"), &[]) else {
         return;
     };
     let manager = Manager {

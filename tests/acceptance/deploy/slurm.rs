@@ -3,7 +3,7 @@
 use std::process::Output;
 use std::time::{Duration, Instant};
 
-use acceptance::isolated::Isolated;
+use acceptance::isolated::IsolatedScript;
 use acceptance::{Sandbox, assert_code, errors, printed, root, small_campaign};
 use serde_json::Value;
 
@@ -14,7 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(90);
 
 struct Cluster<'s> {
     sandbox: &'s Sandbox,
-    daemons: Isolated,
+    daemons: IsolatedScript,
 }
 
 /// Kills all that runs on a node with the node's daemon, and tells Slurm, which would find out after five
@@ -43,7 +43,7 @@ impl<'s> Cluster<'s> {
             ("PITCHLINE_LOG", "info".to_owned()),
         ];
         let variables = variables.each_ref().map(|(n, value)| (*n, value.as_str()));
-        let daemons = Isolated::start("slurm.sh", &folder, &variables)?;
+        let daemons = IsolatedScript::start("slurm.sh", &folder, &variables)?;
         Some(Self { sandbox, daemons })
     }
 

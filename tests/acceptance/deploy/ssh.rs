@@ -2,13 +2,13 @@
 
 use std::os::unix::fs::symlink;
 
-use acceptance::isolated::{Isolated, documented};
+use acceptance::isolated::{IsolatedScript, documented};
 use acceptance::{Sandbox, assert_code, errors, programs, small_campaign};
 
 #[test]
 fn three_lines_start_a_worker_on_another_machine() {
     let sandbox = Sandbox::new();
-    let Some(machine) = Isolated::start("sshd.sh", &sandbox.path("node"), &[]) else {
+    let Some(machine) = IsolatedScript::start("sshd.sh", &sandbox.path("node"), &[]) else {
         return;
     };
     let named = small_campaign(60, 50).replacen("name = \"quick\"", "name = \"my\"", 1);

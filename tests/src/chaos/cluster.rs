@@ -12,7 +12,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::Violation;
 use super::plan::{Act, RELIEF, WORKERS, Who};
-use super::programs::{ACCESS, OUTAGE, Programs, Serving};
+use super::programs::{ACCESS, OUTAGE, Programs, ServeArguments};
 use super::proxy::{Fault, Proxy};
 use crate::free_address;
 use crate::http::{self, LOCALHOST, VIEWS};
@@ -170,8 +170,8 @@ impl Cluster {
         Ok(cluster)
     }
 
-    fn serving(&self, [listen, http]: [SocketAddr; 2]) -> Serving<'_> {
-        Serving {
+    fn serving(&self, [listen, http]: [SocketAddr; 2]) -> ServeArguments<'_> {
+        ServeArguments {
             file: &self.setup.file,
             listen,
             http,

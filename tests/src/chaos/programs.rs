@@ -20,7 +20,7 @@ pub(crate) const ACCESS: &str = "c.access";
 
 /// The arguments of a coordinator.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Serving<'a> {
+pub(crate) struct ServeArguments<'a> {
     /// The campaign file.
     pub(crate) file: &'a Path,
     /// The address to listen on.
@@ -134,7 +134,12 @@ impl Programs {
     }
 
     /// The command of a coordinator that serves workers.
-    pub(crate) fn coordinator(&self, folder: &Path, access: &str, serving: Serving<'_>) -> Command {
+    pub(crate) fn coordinator(
+        &self,
+        folder: &Path,
+        access: &str,
+        serving: ServeArguments<'_>,
+    ) -> Command {
         // Stale results are logged at this level.
         let mut command = self.command("coordinator", folder, "info,runner=debug");
         command.arg("serve").arg(serving.file);

@@ -44,13 +44,13 @@ struct State {
 }
 
 #[derive(Debug)]
-struct Shared {
+struct ProxyState {
     target: SocketAddr,
     state: Mutex<State>,
     changed: Condvar,
 }
 
-impl Shared {
+impl ProxyState {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -97,7 +97,7 @@ impl Shared {
 #[derive(Debug)]
 pub(crate) struct Proxy {
     address: SocketAddr,
-    shared: Arc<Shared>,
+    shared: Arc<ProxyState>,
 }
 
 impl Proxy {
@@ -109,7 +109,7 @@ impl Proxy {
     pub(crate) fn start(target: SocketAddr) -> std::io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
         let address = listener.local_addr()?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(ProxyState {
             target,
             state: Mutex::new(State {
                 fault: Fault::None,
@@ -167,7 +167,7 @@ impl Drop for Proxy {
     }
 }
 
-fn accept(shared: &Arc<Shared>, client: TcpStream) {
+fn accept(shared: &Arc<ProxyState>, client: TcpStream) {
     let (fault, generation) = {
         let state = shared.lock();
         (state.fault, state.generation)
@@ -193,7 +193,7 @@ fn accept(shared: &Arc<Shared>, client: TcpStream) {
 }
 
 /// Forwards data in one direction until either end or the proxy ends.
-fn pump(shared: &Shared, way: Way, generation: u64, mut from: &TcpStream, mut to: &TcpStream) {
+fn pump(shared: &ProxyState, way: Way, generation: u64, mut from: &TcpStream, mut to: &TcpStream) {
     let mut buffer = vec![0; 64 * 1024];
     let _ = from.set_read_timeout(Some(TICK));
     loop {

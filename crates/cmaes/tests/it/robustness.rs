@@ -9,9 +9,9 @@ use stats::streams::StreamRng;
 use std::convert::Infallible;
 
 /// Counts the numbers drawn.
-struct Counting(StreamRng, usize);
+struct CountingRng(StreamRng, usize);
 
-impl TryRng for Counting {
+impl TryRng for CountingRng {
     type Error = Infallible;
 
     fn try_next_u32(&mut self) -> Result<u32, Infallible> {
@@ -40,7 +40,7 @@ fn redrawing_is_capped() {
             ..options(cube(0.0, 1.0, 20))
         };
         let mut search = CmaEs::new(&start, settings).unwrap();
-        let mut counting = Counting(rng(4), 0);
+        let mut counting = CountingRng(rng(4), 0);
         let candidates = search.ask(&mut counting);
         assert!(candidates.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
         assert!(

@@ -10,7 +10,7 @@ use problem::task::{self, Output, Run, Source};
 use problem::{Approach, Campaign, optimise};
 use rand::RngExt as _;
 use results::number::duration;
-use results::table::Versioned;
+use results::table::VersionedObject;
 use runner::exit::{self, ProgramError};
 use runner::worker::{Trial, trial};
 use serde::Serialize;
@@ -212,7 +212,9 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             .chain(refused)
             .collect(),
     };
-    print_either(arguments.json, &Versioned::new(&plan), || describe(&plan))?;
+    print_either(arguments.json, &VersionedObject::new(&plan), || {
+        describe(&plan)
+    })?;
     Ok(match plan.nothing_to_sample {
         None => exit::OK,
         Some(_) => exit::NOT_SIMULABLE,

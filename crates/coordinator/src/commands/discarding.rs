@@ -2,11 +2,11 @@
 
 use problem::Campaign;
 use problem::formulation::Problem;
-use results::table::Versioned;
+use results::table::VersionedObject;
 use runner::coordinator::server;
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
-use store::{Discard, Discarded, Store};
+use store::{Discard, RemovedRows, Store};
 
 use super::output::print_either;
 use super::refuse_network_store;
@@ -36,7 +36,7 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
     let store = server::open_store(&Problem::new(campaign), &row.file_text, &arguments.db).await?;
     let removed = store.discard(&what, !arguments.yes).await;
     store.close().await?;
-    let Discarded {
+    let RemovedRows {
         samples,
         criteria,
         evaluations,
@@ -49,7 +49,7 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
         evaluations,
         runs,
     };
-    print_either(arguments.json, &Versioned::new(&removal), || {
+    print_either(arguments.json, &VersionedObject::new(&removal), || {
         describe(&what, &removal)
     })?;
     Ok(exit::OK)

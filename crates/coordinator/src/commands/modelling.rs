@@ -8,7 +8,7 @@ use kriging::{FitOptions, Settings};
 use results::model;
 use results::modelling::table::SkippedRows;
 use results::modelling::{ModelFile, Request, Table, summary};
-use results::table::Versioned;
+use results::table::VersionedObject;
 use runner::exit::{self, ProgramError};
 use store::Store;
 use tokio_util::sync::CancellationToken;
@@ -55,9 +55,11 @@ pub(super) async fn fit(arguments: &arguments::Fit) -> Result<u8, ProgramError> 
     if let Some(out) = &arguments.out {
         output::write(out, format!("{}\n", fitted.model.to_json()?).as_bytes())?;
     }
-    print_either(arguments.json, &Versioned::new(&fitted.summary), || {
-        summary::describe(&fitted.summary)
-    })?;
+    print_either(
+        arguments.json,
+        &VersionedObject::new(&fitted.summary),
+        || summary::describe(&fitted.summary),
+    )?;
     Ok(exit::OK)
 }
 
@@ -94,7 +96,7 @@ pub(super) async fn predict(arguments: &arguments::Predict) -> Result<u8, Progra
         warn!(columns = %predictions.unused.join(", "), "ignored: not model inputs");
     }
     let content = if arguments.json {
-        (serde_json::to_string(&Versioned::new(&predictions))? + "\n").into_bytes()
+        (serde_json::to_string(&VersionedObject::new(&predictions))? + "\n").into_bytes()
     } else {
         predictions.to_csv().map_err(anyhow::Error::from)?
     };

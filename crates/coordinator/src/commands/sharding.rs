@@ -10,7 +10,7 @@ use ledger::WorkerId;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use problem::{Campaign, probe};
-use results::table::Versioned;
+use results::table::VersionedObject;
 use results::{report, status};
 use runner::coordinator::board::{self, Board, Room};
 use runner::coordinator::engine::Engine;
@@ -86,7 +86,7 @@ pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError>
     let (planned, status) = (planned?, status?);
     print_either(
         arguments.json,
-        &Versioned::new(&planned),
+        &VersionedObject::new(&planned),
         || match &planned.report {
             Some(report) => format!(
                 "nothing is left to compute\nreport          {}\n",
@@ -237,7 +237,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
         stage: status.stage_name(),
     };
     let is_planned = parts.iter().any(|part| !part.header.is_undelivered());
-    print_either(arguments.json, &Versioned::new(&merged), || {
+    print_either(arguments.json, &VersionedObject::new(&merged), || {
         describe(&merged, is_planned)
     })?;
     let is_whole = merged.missing_shards.is_empty() && merged.unfinished_parts.is_empty();

@@ -7,7 +7,7 @@ use problem::Campaign;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use results::optima::Optima;
-use results::table::Versioned;
+use results::table::VersionedObject;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::exit::{self, ProgramError};
 use store::Store;
@@ -223,7 +223,7 @@ async fn finished_campaign(
 }
 
 fn finish(document: &Document, out: &Path, json: bool) -> Result<u8, ProgramError> {
-    print_either(json, &Versioned::new(document.to_json(out)), || {
+    print_either(json, &VersionedObject::new(document.to_json(out)), || {
         format!("{}\nwritten to {}\n", document.page, out.display())
     })?;
     Ok(exit::OK)

@@ -19,11 +19,11 @@ pub(super) struct KnowledgeGradient<'a> {
     model: &'a Surrogate,
     options: &'a Options,
     /// The incumbents with the lowest means, in rising order.
-    compared: Vec<Compared>,
+    incumbents: Vec<Incumbent>,
 }
 
-/// A design whose mean is compared.
-struct Compared {
+/// An incumbent with its mean.
+struct Incumbent {
     x: Vec<f64>,
     /// The mean on the modelled scale.
     mean: f64,
@@ -41,7 +41,7 @@ impl<'a> KnowledgeGradient<'a> {
             incumbents.iter().map(|row| (mean(row), *row)).collect();
         ordered.sort_by(|a, b| a.0.total_cmp(&b.0));
         ordered.truncate(COMPARED);
-        let compared = ordered.into_iter().map(|(mean, row)| Compared {
+        let compared = ordered.into_iter().map(|(mean, row)| Incumbent {
             x: row.x.clone(),
             mean,
             conditional: model.conditional(&row.x),
@@ -49,7 +49,7 @@ impl<'a> KnowledgeGradient<'a> {
         Self {
             model,
             options,
-            compared: compared.collect(),
+            incumbents: compared.collect(),
         }
     }
 
@@ -57,11 +57,14 @@ impl<'a> KnowledgeGradient<'a> {
     /// new design: it is then a candidate, too.
     fn value(&self, x: &Conditional, new: Option<f64>, samples: u32) -> f64 {
         let change = |of: &Conditional| self.model.mean_change(of, x, samples);
-        let compared = self.compared.iter();
-        let compared = compared.map(|one| (one.mean, change(&one.conditional)));
-        let lines: Vec<(f64, f64)> = compared.chain(new.map(|mean| (mean, change(x)))).collect();
+        let incumbents = self.incumbents.iter();
+        let means = incumbents.map(|one| (one.mean, change(&one.conditional)));
+        let lines: Vec<(f64, f64)> = means.chain(new.map(|mean| (mean, change(x)))).collect();
         // A new design may have the lowest mean already before it is observed.
-        let lowest = self.compared.first().map_or(f64::INFINITY, |one| one.mean);
+        let lowest = self
+            .incumbents
+            .first()
+            .map_or(f64::INFINITY, |one| one.mean);
         let least = new.map_or(lowest, |mean| lowest.min(mean));
         let fall = knowledge_gradient(&lines) + (lowest - least).max(0.0);
         // To first order, a fall of a logarithm is a fall of the response in proportion to it.
@@ -81,7 +84,7 @@ impl InfillCriterion for KnowledgeGradient<'_> {
     }
 
     fn more_samples(&self, row: &SampledDesign) -> f64 {
-        let compared = self.compared.iter().find(|one| one.x == row.x);
+        let compared = self.incumbents.iter().find(|one| one.x == row.x);
         compared.map_or(0.0, |one| {
             self.value(&one.conditional, None, self.options.samples_more)
         })

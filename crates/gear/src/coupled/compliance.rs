@@ -1,7 +1,7 @@
 //! The cells of all phases and their elastic compliance: the part of the contact that wear does not change.
 
 use crate::corrections::Lead;
-use crate::elasticity::{NodeCompliance, Touching};
+use crate::elasticity::{ContactPlace, NodeCompliance};
 use crate::path::Path;
 use crate::tooth::{Station, influence};
 use crate::unloaded::UnloadedPair;
@@ -33,7 +33,7 @@ pub(super) struct Phase {
     /// In base pitches.
     pub(super) phase: f64,
     pub(super) cells: Vec<Cell>,
-    pub(super) touching: Vec<Touching>,
+    pub(super) touching: Vec<ContactPlace>,
     /// Compliance without the approach of the contact, mm/N.
     pub(super) compliance: Matrix,
 }

@@ -1,6 +1,6 @@
 //! Strips of the face, and the cells that they cut from the contact lines of a phase.
 
-use crate::beyond::Beyond;
+use crate::beyond::TipSeparation;
 use crate::geometry::Geometry;
 use crate::path::{Path, Place};
 
@@ -70,7 +70,7 @@ pub(crate) fn strips(geometry: &Geometry, phases: usize, has_lead_gap: bool) -> 
 pub(crate) fn cells(
     geometry: &Geometry,
     path: &Path,
-    beyond: &Beyond,
+    beyond: &TipSeparation,
     strips: &[Strip],
     phi: f64,
 ) -> Vec<Cell> {

@@ -36,7 +36,7 @@ use std::sync::Arc;
 
 use crate::balance::{Extremes, not_negative};
 use crate::elasticity::NodeCompliance;
-use crate::error::{Error, Infeasible};
+use crate::error::{Error, Infeasibility};
 use crate::path::Path;
 use crate::unloaded::UnloadedPair;
 use active_set::{Loading, Stiffness};
@@ -53,7 +53,7 @@ const LOAD_ROUNDS: usize = 3;
 
 /// The contact of a pair, with the approach that belongs to one gap.
 #[derive(Debug, Clone)]
-pub(crate) struct Coupled {
+pub(crate) struct CoupledCells {
     cells: Arc<Cells>,
     phases: Vec<Phase>,
 }
@@ -80,12 +80,12 @@ pub(crate) struct Memory {
 /// The compliance of the cells of this phase has no inverse: the pair is too far outside the range of
 /// the constants.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct NotPositive {
+pub(crate) struct SingularCompliance {
     /// Phase in base pitches.
     pub(crate) phase: f64,
 }
 
-impl Coupled {
+impl CoupledCells {
     /// Prepares the contact for the gap `gap` at the nodes of `path`, mm. `nodes` is the compliance there.
     /// `has_lead_gap`: gaps may vary along the face.
     pub(crate) fn new(
@@ -94,17 +94,25 @@ impl Coupled {
         nodes: &[NodeCompliance],
         gap: &[f64],
         has_lead_gap: bool,
-    ) -> Result<Self, NotPositive> {
+    ) -> Result<Self, SingularCompliance> {
         let cells = Cells::new(pair, path, nodes, has_lead_gap);
         Self::of_cells(Arc::new(cells), pair, gap)
     }
 
     /// The contact of the same cells with the approach that belongs to the gap `gap`.
-    pub(crate) fn with_gap(&self, pair: &UnloadedPair, gap: &[f64]) -> Result<Self, NotPositive> {
+    pub(crate) fn with_gap(
+        &self,
+        pair: &UnloadedPair,
+        gap: &[f64],
+    ) -> Result<Self, SingularCompliance> {
         Self::of_cells(Arc::clone(&self.cells), pair, gap)
     }
 
-    fn of_cells(cells: Arc<Cells>, pair: &UnloadedPair, gap: &[f64]) -> Result<Self, NotPositive> {
+    fn of_cells(
+        cells: Arc<Cells>,
+        pair: &UnloadedPair,
+        gap: &[f64],
+    ) -> Result<Self, SingularCompliance> {
         let mut approach = Approach {
             pair,
             cells: &cells,
@@ -230,7 +238,7 @@ impl Approach<'_> {
         phase: &compliance::Phase,
         before: Option<&compliance::Phase>,
         gap: &[f64],
-    ) -> Result<Phase, NotPositive> {
+    ) -> Result<Phase, SingularCompliance> {
         let (all, cells) = (self.cells, &phase.cells);
         let n = cells.len();
         let line = |i: usize| all.strips[cells[i].strip].line;
@@ -255,7 +263,8 @@ impl Approach<'_> {
             for (i, (touching, &w)) in phase.touching.iter().zip(&loads).enumerate() {
                 compliance.row_mut(i)[i] += self.pair.contact(touching, w) / line(i);
             }
-            stiffness = Stiffness::of(compliance).ok_or(NotPositive { phase: phase.phase })?;
+            stiffness =
+                Stiffness::of(compliance).ok_or(SingularCompliance { phase: phase.phase })?;
             self.memory.balance(Loading {
                 stiffness: &stiffness,
                 gap: &gaps,
@@ -280,13 +289,13 @@ impl Approach<'_> {
     }
 }
 
-impl From<NotPositive> for Infeasible {
-    fn from(NotPositive { phase }: NotPositive) -> Self {
+impl From<SingularCompliance> for Infeasibility {
+    fn from(SingularCompliance { phase }: SingularCompliance) -> Self {
         Self::ContactUnresolved { phase }
     }
 }
-impl From<NotPositive> for Error {
-    fn from(error: NotPositive) -> Self {
+impl From<SingularCompliance> for Error {
+    fn from(error: SingularCompliance) -> Self {
         Self::Infeasible(error.into())
     }
 }

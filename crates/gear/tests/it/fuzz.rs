@@ -57,7 +57,9 @@ fn a_waist_of_rounding_is_severed() {
         ..crate::support::plain()
     };
     match gear::Pair::new(&input, &gear::Discretisation::default()) {
-        Err(gear::Error::Infeasible(gear::Infeasible::ToothSevered { half_thickness, .. })) => {
+        Err(gear::Error::Infeasible(gear::Infeasibility::ToothSevered {
+            half_thickness, ..
+        })) => {
             assert!(half_thickness < 3e-6, "{half_thickness}");
         }
         other => panic!("{:?}", other.map(|pair| pair.pitch_stiffness())),

@@ -3,7 +3,7 @@
 
 use std::f64::consts::FRAC_PI_4;
 
-use gear::{Geometry, Infeasible, PairInput, Size};
+use gear::{Geometry, Infeasibility, PairInput, Size};
 use proptest::prelude::*;
 
 use crate::general::{config, plain};
@@ -255,7 +255,7 @@ fn a_flank_that_the_rack_cuts_away_is_refused() {
         root_radius: [0.1, 1.14],
         ..undercut_pair()
     };
-    let Err(Infeasible::NoInvoluteFlank { start, end, .. }) = Geometry::new(&input) else {
+    let Err(Infeasibility::NoInvoluteFlank { start, end, .. }) = Geometry::new(&input) else {
         panic!("{:?}", Geometry::new(&input));
     };
     assert!(start > end && end > 0.0, "{start} {end}");

@@ -116,7 +116,7 @@ pub(crate) fn correlation(kernel: Kernel, a: &[f64], b: &[f64], ranges: &[f64]) 
 }
 
 /// Kriging with given σ², ranges and nugget.
-pub(crate) struct Dense<'a> {
+pub(crate) struct DenseKriging<'a> {
     kernel: Kernel,
     sample: &'a Sample,
     sigma2: f64,
@@ -140,7 +140,7 @@ fn basis(x: &[f64], linear: bool) -> Vec<f64> {
     f
 }
 
-impl<'a> Dense<'a> {
+impl<'a> DenseKriging<'a> {
     pub(crate) fn new(kernel: Kernel, sample: &'a Sample, parameters: &Parameters) -> Self {
         Self::build(kernel, sample, parameters, false)
     }

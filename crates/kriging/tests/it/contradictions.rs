@@ -5,7 +5,7 @@ use kriging::{Error, FitOptions, Model, Warning, fit};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use crate::common::{Dense, Sample};
+use crate::common::{DenseKriging, Sample};
 
 fn with_nugget() -> FitOptions {
     FitOptions {
@@ -108,7 +108,7 @@ fn the_scatter_of_repeated_observations_informs_the_nugget() {
     let model = fit(&sample.data(), &with_nugget()).unwrap();
     let parameters = model.parameters();
     assert!(parameters.nugget > 0.01, "{parameters:?}");
-    let dense = Dense::new(model.kernel(), &sample, parameters);
+    let dense = DenseKriging::new(model.kernel(), &sample, parameters);
     let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
     assert!(error.abs() < 1e-8, "{error}");
     let (mean, variance) = dense.predict(&[0.5, 0.5]);
@@ -119,7 +119,7 @@ fn the_scatter_of_repeated_observations_informs_the_nugget() {
     for factor in [0.5, 2.0] {
         let mut other = parameters.clone();
         other.nugget *= factor;
-        let there = Dense::new(model.kernel(), &sample, &other).negative_log_likelihood();
+        let there = DenseKriging::new(model.kernel(), &sample, &other).negative_log_likelihood();
         assert!(there > model.negative_log_likelihood(), "{factor}");
     }
 
@@ -128,7 +128,7 @@ fn the_scatter_of_repeated_observations_informs_the_nugget() {
     let rest: Vec<usize> = (28..31).collect();
     let part = fit(&sample.pick(&first).data(), &with_nugget()).unwrap();
     let whole = part.with_points(&sample.pick(&rest).data()).unwrap();
-    let dense = Dense::new(whole.kernel(), &sample, whole.parameters());
+    let dense = DenseKriging::new(whole.kernel(), &sample, whole.parameters());
     let error = whole.negative_log_likelihood() - dense.negative_log_likelihood();
     assert!(error.abs() < 1e-8, "{error}");
 }

@@ -1,6 +1,6 @@
 use kriging::{FitOptions, Kernel, Warning, fit};
 
-use crate::common::{Dense, Sample};
+use crate::common::{DenseKriging, Sample};
 
 fn options(kernel: Kernel) -> FitOptions {
     FitOptions {
@@ -14,7 +14,7 @@ fn predictions_and_likelihood_are_those_of_the_dense_formulas() {
     for kernel in Kernel::ALL {
         let sample = Sample::smooth(40, 3, 0.02);
         let model = fit(&sample.data(), &options(kernel)).unwrap();
-        let dense = Dense::new(kernel, &sample, model.parameters());
+        let dense = DenseKriging::new(kernel, &sample, model.parameters());
         // Both are exact but for rounding times the condition of the matrix, below 1e6 here.
         assert!((model.parameters().mu - dense.mu).abs() < 1e-8, "{kernel}");
         let (ours, theirs) = (
@@ -50,16 +50,16 @@ fn the_fit_is_a_maximum_of_the_likelihood() {
                 matches!(w, Warning::RangesAtBound { coordinates, .. } if coordinates.contains(&j))
             })
         };
-        let best = Dense::new(kernel, &sample, model.parameters()).negative_log_likelihood();
+        let best = DenseKriging::new(kernel, &sample, model.parameters()).negative_log_likelihood();
         for factor in [0.99, 1.01] {
             let mut moved = model.parameters().clone();
             moved.sigma2 *= factor;
-            let value = Dense::new(kernel, &sample, &moved).negative_log_likelihood();
+            let value = DenseKriging::new(kernel, &sample, &moved).negative_log_likelihood();
             assert!(value > best - 1e-8, "{kernel} σ²: {value} {best}");
             for j in (0..2).filter(|&j| !at_bound(j)) {
                 let mut moved = model.parameters().clone();
                 moved.ranges[j] *= factor;
-                let value = Dense::new(kernel, &sample, &moved).negative_log_likelihood();
+                let value = DenseKriging::new(kernel, &sample, &moved).negative_log_likelihood();
                 assert!(value > best - 1e-8, "{kernel} θ{j}: {value} {best}");
             }
         }
@@ -165,7 +165,7 @@ fn noisy_duplicates_count_one_by_one() {
         }
     );
     // The dense formulas do not merge.
-    let dense = Dense::new(model.kernel(), &sample, model.parameters());
+    let dense = DenseKriging::new(model.kernel(), &sample, model.parameters());
     let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
     assert!(error.abs() < 1e-8, "{error}");
     for x in [[0.5, 0.5], [0.1, 0.7]] {

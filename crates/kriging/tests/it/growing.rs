@@ -2,12 +2,12 @@
 
 use kriging::{Data, Error, FitOptions, Kernel, Model, Trend, fit};
 
-use crate::common::{Dense, Sample, read, written};
+use crate::common::{DenseKriging, Sample, read, written};
 
 fn check(model: &Model, sample: &Sample) {
     let dense = match model.trend() {
-        Trend::Linear => Dense::with_trend(model.kernel(), sample, model.parameters()),
-        _ => Dense::new(model.kernel(), sample, model.parameters()),
+        Trend::Linear => DenseKriging::with_trend(model.kernel(), sample, model.parameters()),
+        _ => DenseKriging::new(model.kernel(), sample, model.parameters()),
     };
     let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
     // Rounding times the condition of the matrix.

@@ -1,6 +1,6 @@
 use kriging::{FitOptions, fit};
 
-use crate::common::{Dense, Sample};
+use crate::common::{DenseKriging, Sample};
 
 #[test]
 fn closed_form_equals_brute_force() {
@@ -10,7 +10,7 @@ fn closed_form_equals_brute_force() {
     let mut squares = 0.0;
     for i in 0..30 {
         let rest = sample.without(i);
-        let dense = Dense::new(model.kernel(), &rest, model.parameters());
+        let dense = DenseKriging::new(model.kernel(), &rest, model.parameters());
         let (mean, variance) = dense.predict(sample.row(i));
         let residual = sample.y[i] - mean;
         let standardised = residual / (variance + sample.noise[i]).sqrt();

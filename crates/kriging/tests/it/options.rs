@@ -4,7 +4,7 @@ use kriging::{Estimator, FitOptions, Model, Nugget, Trend, fit};
 use rand::RngExt as _;
 use stats::streams::{Purpose, stream};
 
-use crate::common::{Dense, Sample, read, written};
+use crate::common::{DenseKriging, Sample, read, written};
 
 fn linear() -> FitOptions {
     FitOptions {
@@ -19,7 +19,7 @@ fn universal_kriging_is_that_of_the_dense_formulas() {
         let sample = Sample::smooth(40, 3, 0.02);
         let options = FitOptions { nugget, ..linear() };
         let model = fit(&sample.data(), &options).unwrap();
-        let dense = Dense::with_trend(model.kernel(), &sample, model.parameters());
+        let dense = DenseKriging::with_trend(model.kernel(), &sample, model.parameters());
         // Rounding times the condition of the matrix, below 1e6 here.
         let error = model.negative_log_likelihood() - dense.negative_log_likelihood();
         assert!(error.abs() < 1e-7, "{error}");
@@ -35,7 +35,7 @@ fn universal_kriging_is_that_of_the_dense_formulas() {
         let loo = model.leave_one_out();
         for i in [0, 17, 39] {
             let rest = sample.without(i);
-            let dense = Dense::with_trend(model.kernel(), &rest, model.parameters());
+            let dense = DenseKriging::with_trend(model.kernel(), &rest, model.parameters());
             let (mean, _) = dense.predict(sample.row(i));
             assert!((loo.residuals[i] - (sample.y[i] - mean)).abs() < 1e-7);
         }

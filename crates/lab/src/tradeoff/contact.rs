@@ -49,7 +49,7 @@ const WEAR: Wear = Wear {
 };
 
 /// A case as one model and grid sees it.
-struct Measured<'a> {
+struct Measurement<'a> {
     case: &'a Case,
     sample_micros: f64,
     design_micros: f64,
@@ -76,7 +76,7 @@ pub(crate) fn run(size: Size, progress: &mut dyn FnMut(&str)) -> anyhow::Result<
                 .filter_map(|case| measure(case, model, &grid).transpose())
                 .collect::<Result<Vec<_>, _>>()?;
             for (class, rows) in CLASSES.iter().zip(&mut rows) {
-                let of_class: Vec<&Measured<'_>> =
+                let of_class: Vec<&Measurement<'_>> =
                     measured.iter().filter(|one| one.case.is(class)).collect();
                 if !of_class.is_empty() {
                     rows.push(row(class, model, &grid, grid == own, &of_class));
@@ -97,7 +97,7 @@ fn measure<'a>(
     case: &'a Case,
     model: ToothModel,
     grid: &Discretisation,
-) -> Result<Option<Measured<'a>>, gear::Error> {
+) -> Result<Option<Measurement<'a>>, gear::Error> {
     let pair = match case.pair(model, grid) {
         Err(gear::Error::Input(_)) => return Ok(None),
         pair => pair?,
@@ -108,7 +108,7 @@ fn measure<'a>(
             black_box(sampler.draw(&mut stream(1, Purpose::Test, 0, sample)));
         }
     });
-    Ok(Some(Measured {
+    Ok(Some(Measurement {
         case,
         sample_micros: all / TIMED as f64,
         design_micros: micros(|| case.pair(model, grid).map(|pair| pair.unworn())),
@@ -121,9 +121,9 @@ fn row(
     model: ToothModel,
     grid: &Discretisation,
     is_default: bool,
-    measured: &[&Measured<'_>],
+    measured: &[&Measurement<'_>],
 ) -> Row {
-    let of = |value: &dyn Fn(&Measured<'_>) -> f64| -> Vec<f64> {
+    let of = |value: &dyn Fn(&Measurement<'_>) -> f64| -> Vec<f64> {
         measured.iter().map(|one| value(one)).collect()
     };
     let samples = of(&|one| one.sample_micros);

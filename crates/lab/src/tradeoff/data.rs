@@ -9,7 +9,7 @@ use problem::formulation::{Design, Problem};
 use problem::simulator::State;
 use problem::task::{Output, Source, compute};
 use rand::{Rng, RngExt as _};
-use stages::responses::{self, Controlled};
+use stages::responses::{self, ControlledSamples};
 use stats::streams::Purpose;
 use store::{DesignRow, ResponseRow};
 
@@ -72,7 +72,7 @@ pub(crate) fn sample_doe(problem: &Problem, base: &Design) -> anyhow::Result<Doe
             (controls, linear.moments())
         });
         let drawn = problem.objective().values(&samples);
-        let samples = Controlled {
+        let samples = ControlledSamples {
             values: &drawn,
             control: control
                 .as_ref()

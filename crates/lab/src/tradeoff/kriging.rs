@@ -58,7 +58,7 @@ const HELD_OUT: usize = 5;
 const Z90: f64 = 1.644_853_626_951_472;
 
 /// The held-out designs and the true percentiles there.
-struct HeldOut {
+struct TestSet {
     x: Vec<f64>,
     truth: Vec<f64>,
 }
@@ -177,7 +177,7 @@ fn test(
     doe: &Doe,
     held_out: &[&ResponseRow],
     samples: u64,
-) -> anyhow::Result<HeldOut> {
+) -> anyhow::Result<TestSet> {
     let gears = problem.gears().context("the campaign designs no gears")?;
     let campaign = problem.campaign();
     let (mut x, mut truth) = (Vec::new(), Vec::new());
@@ -193,7 +193,7 @@ fn test(
         x.extend(at);
         truth.push(campaign.sampling.verified(&drawn)?.value);
     }
-    Ok(HeldOut { x, truth })
+    Ok(TestSet { x, truth })
 }
 
 /// Measures the values of [`COLUMNS`].
@@ -202,7 +202,7 @@ fn measure(
     doe: &Doe,
     rows: &[&ResponseRow],
     settings: &Settings,
-    test: &HeldOut,
+    test: &TestSet,
 ) -> anyhow::Result<Vec<f64>> {
     let campaign = problem.campaign();
     let d = problem.dimension();

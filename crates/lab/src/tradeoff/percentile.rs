@@ -7,7 +7,7 @@ use anyhow::{Context as _, bail};
 use problem::accuracy::{ESTIMATORS, Estimator};
 use problem::file::{ControlVariate, EstimatorRule, Sampling, WearCoefficients};
 use problem::formulation::Problem;
-use stages::responses::{Controlled, response_of};
+use stages::responses::{ControlledSamples, response_of};
 use stats::Control;
 use stats::streams::{Purpose, stream};
 
@@ -361,7 +361,7 @@ fn errors_of(
     for draw in draws {
         let values = &draw.values[..count];
         let is_controlled = settings.control == ControlVariate::Linearised;
-        let samples = Controlled {
+        let samples = ControlledSamples {
             values,
             control: is_controlled.then(|| (&draw.controls[..count], control)),
         };

@@ -275,7 +275,7 @@ fn nothing_is_over_while_what_was_leased_before_may_succeed() {
         let (failed, _) = ledger.deliver(&worker("b"), grant.lease, &failure, now);
         assert_ne!(failed, [Failure::Quarantined], "at {now:?}");
     }
-    let said = ledger.explain(now);
+    let said = ledger.explain(now, |stream| stream.to_string());
     assert!(
         said.iter()
             .any(|s| s.to_string().contains("nothing has succeeded")),

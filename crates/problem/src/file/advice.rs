@@ -3,7 +3,7 @@
 use gear::{LocalAmount, Range, Size, ToothModel, Wear, WearLaw};
 
 use super::{
-    FrozenSection, GearSections, HELIX_ANGLE, Material, PairSection, ROOT_RADII, Setting,
+    FrozenSection, GearSections, HELIX_ANGLE, Material, PairFile, PairSection, ROOT_RADII, Setting,
     TIP_RADII, gear_size,
 };
 
@@ -14,8 +14,30 @@ const FACE_WIDTH_MM: [f64; 2] = [0.5, 1000.0];
 /// Wear in µm above which no flank of a usual module is left.
 const DEEPEST_WEAR_UM: f64 = 1000.0;
 
+impl PairFile {
+    /// Advice about values that are valid but doubtful, one sentence each.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let geometry = gear::Geometry::new(&self.to_gear()).ok();
+        let mut warnings = of_sections(&self.material, &self.wear, self.pair.face_width_mm);
+        warnings.extend(of_coupled(&self.pair, geometry.as_ref()));
+        warnings
+    }
+}
+
+impl GearSections {
+    /// Advice about settings that are valid but doubtful.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let face_width_mm = self.pair.face_width_mm;
+        let mut warnings = of_sections(&self.material, &self.wear, face_width_mm);
+        warnings.extend(of_frozen(self));
+        warnings.extend(of_coupled_designs(self));
+        warnings
+    }
+}
+
 /// Warnings about the sections common to campaign and pair files.
-pub(super) fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<String> {
+fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<String> {
     let mut warnings = Vec::new();
     let modulus = material.youngs_modulus_gpa;
     if modulus > STIFFEST_GPA {
@@ -64,7 +86,7 @@ fn outside(range: Range, key: &str, values: &[f64]) -> Option<String> {
 }
 
 /// Warnings about a pair for which the coupled tooth model was not compared with finite elements.
-pub(super) fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) -> Vec<String> {
+fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) -> Vec<String> {
     if pair.tooth_model != ToothModel::Coupled {
         return Vec::new();
     }
@@ -102,7 +124,7 @@ pub(super) fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) 
 }
 
 /// The same for the designs of a campaign.
-pub(super) fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
+fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
     let pair = &sections.pair;
     if pair.tooth_model != ToothModel::Coupled {
         return Vec::new();
@@ -151,7 +173,7 @@ pub(super) fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
 ///
 /// The bounds of the radii are in modules. With a given centre distance every design has its own
 /// module, so a radius is warned of only if no profile shift within the bounds allows it.
-pub(super) fn of_frozen(sections: &GearSections) -> Vec<String> {
+fn of_frozen(sections: &GearSections) -> Vec<String> {
     let mut warnings = Vec::new();
     let Some(frozen) = &sections.frozen else {
         return warnings;

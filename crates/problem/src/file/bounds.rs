@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 
 /// `[bounds]`: the values that each variable may take, for both gears together or for each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -192,7 +192,7 @@ impl Bounds {
         if settings.iter().any(is_free) {
             return Ok(());
         }
-        Err(source.error(Invalid::in_words(
+        Err(source.error(InvalidValue::in_words(
             "bounds",
             "without a free variable",
             "a section with at least one variable with [low, high]",

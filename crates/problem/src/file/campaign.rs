@@ -1,12 +1,9 @@
-//! The campaign file.
+//! The content of a campaign file.
 
 use kriging::Noise;
-use serde::{Serialize, Serializer};
-use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use super::form::Form;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 use super::{
     Budget, ConstraintSection, ControlVariate, Doe, Enrichment, ExternalSections, FileError,
     FrozenFrom, GearSections, Kriging, Optimise, Sampling, SimulatorKind, SimulatorSection, Verify,
@@ -51,12 +48,6 @@ pub enum Kind {
     Gears(Box<GearSections>),
     /// A problem whose variables and responses are named in the file and simulated by a program.
     External(ExternalSections),
-}
-
-impl Serialize for Campaign {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        Form::from(self.clone()).serialize(to)
-    }
 }
 
 impl Campaign {
@@ -150,34 +141,6 @@ impl Campaign {
             .is_some_and(|sections| sections.report.compare_with_paper)
     }
 
-    /// Parses and validates `text`; `file` names it in errors.
-    ///
-    /// A file with a tolerance has no settings yet: [`CampaignFile`](crate::accuracy::CampaignFile) chooses them.
-    ///
-    /// # Errors
-    ///
-    /// The error names the line, the fault and the valid values.
-    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
-        let source = Source { file, text };
-        let form = Form::parse(source)?;
-        if let Some(tolerance_um) = form.tolerance_um() {
-            let expected = "absent from a file whose settings are chosen";
-            return Err(source.refuse("accuracy.tolerance_um", tolerance_um, expected));
-        }
-        let this = Self::from(form);
-        this.validate(source)?;
-        Ok(this)
-    }
-
-    /// Parses the text of a campaign file that a store holds.
-    ///
-    /// # Errors
-    ///
-    /// Another version of the program wrote it in a format of its own.
-    pub fn stored(text: &str) -> Result<Self, FileError> {
-        Self::parse("the store's campaign file", text)
-    }
-
     /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key
     /// order, nor on where the program is and how often failures are tried again.
     #[must_use]
@@ -185,13 +148,13 @@ impl Campaign {
         let mut content = self.clone();
         content.simulator = content.simulator.of_values();
         content.budget = Budget::default();
-        hex(Sha256::digest(content.to_json().as_bytes()).into())
+        hex::encode(Sha256::digest(content.to_json()))
     }
 
     /// [`Self::values_digest`] in hex: the identity of a campaign and of those that extend it.
     #[must_use]
     pub fn lineage(&self) -> String {
-        hex(self.values_digest())
+        hex::encode(self.values_digest())
     }
 
     /// SHA-256 of everything that the values of a design's samples may depend on. It is the same
@@ -301,48 +264,6 @@ impl Campaign {
                 sampled.cloned().collect()
             }
         }
-    }
-
-    /// The keys of the file with their values; those without a value are left out.
-    ///
-    /// # Panics
-    ///
-    /// Never: every field is a number, a name or a list of these.
-    pub(super) fn to_value(&self) -> Value {
-        fn without_nulls(value: &mut Value) {
-            match value {
-                Value::Object(keys) => {
-                    keys.retain(|_, value| !value.is_null());
-                    keys.values_mut().for_each(without_nulls);
-                }
-                Value::Array(values) => values.iter_mut().for_each(without_nulls),
-                _ => {}
-            }
-        }
-        let mut value = serde_json::to_value(self).expect("plain numbers and names serialise");
-        without_nulls(&mut value);
-        value
-    }
-
-    /// The campaign as JSON, for the protocol and for external programs.
-    #[must_use]
-    pub fn to_json(&self) -> String {
-        self.to_value().to_string()
-    }
-
-    /// Reads the JSON written by [`Campaign::to_json`].
-    ///
-    /// # Errors
-    ///
-    /// The text is not a campaign of this version.
-    pub fn from_json(json: &str) -> Result<Self, serde_json::Error> {
-        Form::from_json(json).map(Self::from)
-    }
-
-    /// The JSON Schema of the file: `anyOf` the forms for gears and for an external problem.
-    #[must_use]
-    pub fn schema() -> Value {
-        schemars::schema_for!(Form).to_value()
     }
 
     /// Advice about settings that are valid but doubtful.
@@ -509,7 +430,7 @@ impl Campaign {
         if self.gears().is_some() && self.is_external() {
             let expected = "absent when simulator.kind is \"external\": the coordinator evaluates the \
                             constraints of thousands of candidates itself, with the built-in model";
-            return Err(source.error(Invalid::in_words("enrichment", "present", expected)));
+            return Err(source.error(InvalidValue::in_words("enrichment", "present", expected)));
         }
         source.require(
             self.sampling.coefficients == WearCoefficients::Independent,
@@ -518,10 +439,6 @@ impl Campaign {
             "\"independent\" beside [enrichment], whose designs get more samples a few at a time",
         )
     }
-}
-
-fn hex(digest: [u8; 32]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Whether this is a valid name of a campaign.

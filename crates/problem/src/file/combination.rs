@@ -37,6 +37,17 @@ pub enum Several {
     Sum(BTreeMap<String, f64>),
 }
 
+impl Several {
+    /// The combined value of its responses, in the order of [`Combination::places`].
+    pub(crate) fn of(&self, values: impl Iterator<Item = f64>) -> f64 {
+        match self {
+            Self::Greatest(_) => values.fold(f64::NEG_INFINITY, f64::max),
+            Self::Least(_) => values.fold(f64::INFINITY, f64::min),
+            Self::Sum(weights) => weights.values().zip(values).map(|(w, v)| w * v).sum(),
+        }
+    }
+}
+
 impl Combination {
     /// The names of the responses that it depends on.
     fn names(&self) -> Vec<&str> {
@@ -49,6 +60,15 @@ impl Combination {
         }
     }
 
+    /// The places of its responses among these; the first name that none of them has is the error.
+    pub(crate) fn places(&self, responses: &[ResponseSection]) -> Result<Vec<usize>, &str> {
+        let place = |name| {
+            let place = responses.iter().position(|one| one.name == name);
+            place.ok_or(name)
+        };
+        self.names().into_iter().map(place).collect()
+    }
+
     pub(super) fn validate(
         &self,
         source: Source<'_>,
@@ -56,12 +76,11 @@ impl Combination {
         responses: &[ResponseSection],
     ) -> Result<(), FileError> {
         let names = self.names();
-        let found = |name: &str| responses.iter().find(|one| one.name == name);
-        for name in &names {
+        let places = self.places(responses).map_err(|unknown| {
             let known: Vec<&str> = responses.iter().map(|one| &*one.name).collect();
             let expected = format!("one of [[responses]]: {}", known.join(", "));
-            source.require(found(name).is_some(), key, name, &expected)?;
-        }
+            source.refuse(key, unknown, expected)
+        })?;
         let Self::Several(several) = self else {
             return Ok(());
         };
@@ -69,8 +88,8 @@ impl Combination {
         let expected = "two or more different responses";
         source.require(names.len() > 1 && !is_double, key, &names, expected)?;
         let Several::Sum(weights) = several else {
-            let unit = |name: &&str| found(name).map(|one| &*one.unit);
-            let is_same = names.iter().all(|name| unit(name) == unit(&names[0]));
+            let unit = |place: &usize| &responses[*place].unit;
+            let is_same = places.iter().all(|place| unit(place) == unit(&places[0]));
             let expected = "responses of one unit: numbers of different units cannot be compared";
             return source.require(is_same, key, &names, expected);
         };

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 
 /// `[corrections]`, optional: `[low, high]` of each kind of profile correction. The campaign itself
 /// does not correct flanks; `coordinator corrections` designs with and without corrections.
@@ -30,7 +30,7 @@ impl CorrectionsSection {
         amount("corrections.tip_relief_um", self.tip_relief_um)?;
         amount("corrections.crowning_um", self.crowning_um)?;
         if self.tip_relief_um.is_none() && self.crowning_um.is_none() {
-            return Err(source.error(Invalid::in_words(
+            return Err(source.error(InvalidValue::in_words(
                 "corrections",
                 "empty",
                 "a section with tip_relief_um, crowning_um or both",

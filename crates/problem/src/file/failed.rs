@@ -2,30 +2,9 @@
 
 use std::borrow::Cow;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
 use stats::Measure;
 
-use super::{Aim, Sampling};
-
-/// The meaning of failed samples for the measure of their design.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum FailedSamples {
-    /// A failed sample counts as worse than every other: with 5 % of them P90 is the percentile of the
-    /// others at 0.9/0.95, and a probability counts them as bad. A design has a percentile as long as that level is
-    /// below 1. It has no mean, and no other measure that a sample changes by its size.
-    #[default]
-    Worst,
-    /// The measure is that of the samples that have not failed.
-    LeftOut,
-    /// A design with a failed sample has no measure.
-    RefusesDesign,
-    /// A sample that fails for good quarantines its design, which waits for `coordinator retry` or for
-    /// the same command again. One that is answered with no number is a failure, too.
-    QuarantinesDesign,
-}
+use super::{Aim, FailedSamples, Sampling};
 
 impl Sampling {
     /// Whether a failed sample is a result, which is stored.

@@ -1,7 +1,8 @@
-//! The campaign file as it is written, with one form for each kind of problem.
+//! The campaign file as it is written, with one form for each kind of problem: parsing and writing.
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
 
 use super::accuracy::AccuracySection;
 use super::validate::Source;
@@ -319,5 +320,83 @@ impl From<Campaign> for Form {
                 enrichment,
             })),
         }
+    }
+}
+
+impl Serialize for Campaign {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        Form::from(self.clone()).serialize(to)
+    }
+}
+
+impl Campaign {
+    /// Parses and validates `text`; `file` names it in errors.
+    ///
+    /// A file with a tolerance has no settings yet: [`CampaignFile`](crate::accuracy::CampaignFile) chooses them.
+    ///
+    /// # Errors
+    ///
+    /// The error names the line, the fault and the valid values.
+    pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
+        let source = Source { file, text };
+        let form = Form::parse(source)?;
+        if let Some(tolerance_um) = form.tolerance_um() {
+            let expected = "absent from a file whose settings are chosen";
+            return Err(source.refuse("accuracy.tolerance_um", tolerance_um, expected));
+        }
+        let this = Self::from(form);
+        this.validate(source)?;
+        Ok(this)
+    }
+
+    /// Parses the text of a campaign file that a store holds.
+    ///
+    /// # Errors
+    ///
+    /// Another version of the program wrote it in a format of its own.
+    pub fn stored(text: &str) -> Result<Self, FileError> {
+        Self::parse("the store's campaign file", text)
+    }
+
+    /// The keys of the file with their values; those without a value are left out.
+    ///
+    /// # Panics
+    ///
+    /// Never: every field is a number, a name or a list of these.
+    pub(super) fn to_value(&self) -> Value {
+        fn without_nulls(value: &mut Value) {
+            match value {
+                Value::Object(keys) => {
+                    keys.retain(|_, value| !value.is_null());
+                    keys.values_mut().for_each(without_nulls);
+                }
+                Value::Array(values) => values.iter_mut().for_each(without_nulls),
+                _ => {}
+            }
+        }
+        let mut value = serde_json::to_value(self).expect("plain numbers and names serialise");
+        without_nulls(&mut value);
+        value
+    }
+
+    /// The campaign as JSON, for the protocol and for external programs.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        self.to_value().to_string()
+    }
+
+    /// Reads the JSON written by [`Campaign::to_json`].
+    ///
+    /// # Errors
+    ///
+    /// The text is not a campaign of this version.
+    pub fn from_json(json: &str) -> Result<Self, serde_json::Error> {
+        Form::from_json(json).map(Self::from)
+    }
+
+    /// The JSON Schema of the file: `anyOf` the forms for gears and for an external problem.
+    #[must_use]
+    pub fn schema() -> Value {
+        schemars::schema_for!(Form).to_value()
     }
 }

@@ -5,10 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 use super::{
-    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, advice,
-    wear,
+    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, wear,
 };
 
 /// The sections that only gear campaigns have.
@@ -107,15 +106,6 @@ impl Penalty {
 }
 
 impl GearSections {
-    /// Advice about settings that are valid but doubtful.
-    pub(super) fn warnings(&self) -> Vec<String> {
-        let face_width_mm = self.pair.face_width_mm;
-        let mut warnings = advice::of_sections(&self.material, &self.wear, face_width_mm);
-        warnings.extend(advice::of_frozen(self));
-        warnings.extend(advice::of_coupled_designs(self));
-        warnings
-    }
-
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
         self.pair.validate(source)?;
         self.load.validate(source)?;
@@ -136,7 +126,7 @@ impl GearSections {
         }
         accuracy::validate(&self.grid, source)?;
         if is_external && self.grid != gear::Discretisation::of(self.pair.tooth_model) {
-            return Err(source.error(Invalid::in_words(
+            return Err(source.error(InvalidValue::in_words(
                 "accuracy",
                 "present",
                 "absent where a program simulates: it is the grid of the built-in model",

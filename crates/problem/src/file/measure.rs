@@ -1,6 +1,6 @@
 //! The measure of a set of samples: its estimates and its interval. Nothing else computes one.
 
-use stats::{Measure, NormalOptions, VarianceFormula, Verified};
+use stats::{IntervalEstimate, Measure, NormalOptions, VarianceFormula};
 
 use super::objective::PAPERS;
 use super::{ControlVariate, EstimatorRule, FailedSamples, Sampling, WearCoefficients};
@@ -59,7 +59,7 @@ impl Sampling {
     /// # Errors
     ///
     /// Those of [`Measure::verified`].
-    pub fn verified(&self, samples: &[f64]) -> Result<Verified, stats::Error> {
+    pub fn verified(&self, samples: &[f64]) -> Result<IntervalEstimate, stats::Error> {
         self.verified_at(samples, CONFIDENCE)
     }
 
@@ -68,14 +68,14 @@ impl Sampling {
         &self,
         samples: &[f64],
         confidence: f64,
-    ) -> Result<Verified, stats::Error> {
+    ) -> Result<IntervalEstimate, stats::Error> {
         self.measure().verified(&self.counted(samples), confidence)
     }
 
     /// The difference of the verified measures of `first` and `second`, with its interval. The samples of
     /// both have the same random numbers. `None` without an interval.
     #[must_use]
-    pub fn difference(&self, first: &[f64], second: &[f64]) -> Option<Verified> {
+    pub fn difference(&self, first: &[f64], second: &[f64]) -> Option<IntervalEstimate> {
         let measure = self.measure();
         if self.failed == FailedSamples::LeftOut {
             // A pair lacks its numbers where one of the two failed.

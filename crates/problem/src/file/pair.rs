@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corrections::PairCorrections;
 use super::validate::Source;
-use super::{FileError, GearLimits, Load, Manufacture, Material, advice, wear};
+use super::{FileError, GearLimits, Load, Manufacture, Material, wear};
 
 #[cfg(test)]
 mod tests;
@@ -190,15 +190,6 @@ impl PairFile {
     #[must_use]
     pub fn schema() -> serde_json::Value {
         schemars::schema_for!(PairFile).to_value()
-    }
-
-    /// Advice about values that are valid but doubtful, one sentence each.
-    #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
-        let geometry = gear::Geometry::new(&self.to_gear()).ok();
-        let mut warnings = advice::of_sections(&self.material, &self.wear, self.pair.face_width_mm);
-        warnings.extend(advice::of_coupled(&self.pair, geometry.as_ref()));
-        warnings
     }
 
     /// The simulator's input.

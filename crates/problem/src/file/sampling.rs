@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use stats::{HarrellDavisVariance, SequentialRule};
 
 use super::validate::Source;
-use super::{FailedSamples, FileError, Objective};
+use super::{FileError, Objective};
 
 /// `[sampling]`: how many samples a design gets, and how the measure is estimated.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -43,6 +43,24 @@ pub struct Sampling {
     /// `[objective]`: the measure that is estimated.
     #[serde(skip)]
     pub objective: Objective,
+}
+
+/// The meaning of failed samples for the measure of their design.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FailedSamples {
+    /// A failed sample counts as worse than every other: with 5 % of them P90 is the percentile of the
+    /// others at 0.9/0.95, and a probability counts them as bad. A design has a percentile as long as that level is
+    /// below 1. It has no mean, and no other measure that a sample changes by its size.
+    #[default]
+    Worst,
+    /// The measure is that of the samples that have not failed.
+    LeftOut,
+    /// A design with a failed sample has no measure.
+    RefusesDesign,
+    /// A sample that fails for good quarantines its design, which waits for `coordinator retry` or for
+    /// the same command again. One that is answered with no number is a failure, too.
+    QuarantinesDesign,
 }
 
 /// The dependence between the coefficients of a design's samples: of the random wear (Karhunen–Loève), or of the

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 
 /// `[load]`
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -67,7 +67,7 @@ impl Manufacture {
         model: gear::ToothModel,
     ) -> Result<(), FileError> {
         if self.flank_class.is_none() && self.misalignment_um.is_none() {
-            return Err(source.error(Invalid::in_words(
+            return Err(source.error(InvalidValue::in_words(
                 "manufacture",
                 "empty",
                 "a section with flank_class, misalignment_um or both",

@@ -193,7 +193,7 @@ impl Verify {
     /// Number of samples of an optimum whose first ones have this percentile; as many as
     /// [`Verify::first`] if `pilot` has no interval.
     #[must_use]
-    pub fn wanted(&self, pilot: &stats::Verified) -> u32 {
+    pub fn wanted(&self, pilot: &stats::IntervalEstimate) -> u32 {
         let (Some(aim), Some((low, high))) = (self.half_width, pilot.interval) else {
             return self.first();
         };

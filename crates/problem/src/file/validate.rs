@@ -13,13 +13,13 @@ use super::FileError;
 /// text and finds the line.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{key} is {found}, but must be {expected}")]
-pub(crate) struct Invalid {
+pub(crate) struct InvalidValue {
     key: String,
     found: String,
     expected: String,
 }
 
-impl Invalid {
+impl InvalidValue {
     /// The value `found` of `key`, which has its section before it.
     pub(super) fn new(key: &str, found: &impl Serialize, expected: impl Into<String>) -> Self {
         Self::in_words(key, shown(found), expected)
@@ -127,7 +127,7 @@ impl Source<'_> {
     fn invalid(self, error: &toml::de::Error) -> Option<FileError> {
         let (line, _) = place(self.text, error);
         let here = key_at(self.text, line);
-        if let Some(mut invalid) = Invalid::of_text(error.message()) {
+        if let Some(mut invalid) = InvalidValue::of_text(error.message()) {
             if invalid.key.contains('.') {
                 return Some(self.error(invalid));
             }
@@ -135,7 +135,7 @@ impl Source<'_> {
             invalid.key = here.unwrap_or(invalid.key);
             return Some(self.error_at(line + 1, invalid));
         }
-        let invalid = Invalid::of_unknown_name(&here?, error.message())?;
+        let invalid = InvalidValue::of_unknown_name(&here?, error.message())?;
         Some(self.error_at(line + 1, invalid))
     }
 
@@ -156,7 +156,7 @@ impl Source<'_> {
                     let key = format!("{section}.{key}");
                     let found = format!("a list of {found} values");
                     let expected = format!("a list of {kept}");
-                    return Err(self.error(Invalid::in_words(&key, found, expected)));
+                    return Err(self.error(InvalidValue::in_words(&key, found, expected)));
                 }
             }
         }
@@ -184,11 +184,11 @@ impl Source<'_> {
     }
 
     /// The error for an invalid value.
-    pub(crate) fn error(self, invalid: Invalid) -> FileError {
+    pub(crate) fn error(self, invalid: InvalidValue) -> FileError {
         self.error_at(self.line_of(&invalid.key), invalid)
     }
 
-    fn error_at(self, line: usize, invalid: Invalid) -> FileError {
+    fn error_at(self, line: usize, invalid: InvalidValue) -> FileError {
         FileError::Value {
             file: self.file.to_owned(),
             line,
@@ -205,12 +205,12 @@ impl Source<'_> {
         found: impl Serialize,
         expected: impl Into<String>,
     ) -> FileError {
-        self.error(Invalid::new(key, &found, expected))
+        self.error(InvalidValue::new(key, &found, expected))
     }
 
     /// The error for a key that is not given.
     pub(super) fn missing(self, key: &str, expected: impl Into<String>) -> FileError {
-        self.error(Invalid::missing(key, expected))
+        self.error(InvalidValue::missing(key, expected))
     }
 
     pub(super) fn require(

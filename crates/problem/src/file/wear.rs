@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 
 use super::FileError;
-use super::validate::{Invalid, Source};
+use super::validate::{InvalidValue, Source};
 
 /// `[wear]`: the law of the mean wear, by the number that it takes, and its random field.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
@@ -70,7 +70,7 @@ impl Amount {
 }
 
 impl WearSection {
-    fn law(&self) -> Result<WearLaw, Invalid> {
+    fn law(&self) -> Result<WearLaw, InvalidValue> {
         let amount = self.amount()?;
         match (self.law, amount) {
             (None | Some(LawName::Archard), Amount::MaxDepth(max_depth_um)) => {
@@ -90,13 +90,13 @@ impl WearSection {
             (Some(law), amount) => {
                 let (key, laws) = amount.place();
                 let expected = format!("{laws} beside {key}");
-                Err(Invalid::new("wear.law", &law, expected))
+                Err(InvalidValue::new("wear.law", &law, expected))
             }
         }
     }
 
     /// The only number of a law that the section gives.
-    fn amount(&self) -> Result<Amount, Invalid> {
+    fn amount(&self) -> Result<Amount, InvalidValue> {
         let cycles = match (self.wear_coefficient_mm2_per_n, self.pinion_cycles) {
             (Some(coefficient), Some(pinion_cycles)) => Some(LocalAmount::Cycles {
                 coefficient,
@@ -104,13 +104,13 @@ impl WearSection {
             }),
             (None, None) => None,
             (Some(_), None) => {
-                return Err(Invalid::missing(
+                return Err(InvalidValue::missing(
                     "wear.pinion_cycles",
                     "given beside wear_coefficient_mm2_per_n: the depth grows with the cycles",
                 ));
             }
             (None, Some(cycles)) => {
-                return Err(Invalid::new(
+                return Err(InvalidValue::new(
                     "wear.pinion_cycles",
                     &cycles,
                     "absent without wear_coefficient_mm2_per_n",
@@ -122,7 +122,7 @@ impl WearSection {
             (None, Some(coefficient), None) => Ok(Amount::PerMpa(coefficient)),
             (None, None, Some(cycles)) => Ok(Amount::Cycles(cycles)),
             (None, None, None) => Err(self.without_amount()),
-            (Some(_), Some(coefficient), _) => Err(Invalid::new(
+            (Some(_), Some(coefficient), _) => Err(InvalidValue::new(
                 "wear.coefficient_per_mpa",
                 &coefficient,
                 "absent beside max_depth_um: each is the number of another law",
@@ -132,7 +132,7 @@ impl WearSection {
                     Some(_) => "max_depth_um: the depth follows from the cycles",
                     None => "coefficient_per_mpa: each is the number of another law",
                 };
-                Err(Invalid::new(
+                Err(InvalidValue::new(
                     "wear.wear_coefficient_mm2_per_n",
                     &self.wear_coefficient_mm2_per_n,
                     format!("absent beside {other}"),
@@ -142,7 +142,7 @@ impl WearSection {
     }
 
     /// The error for a section without a number of its law.
-    fn without_amount(&self) -> Invalid {
+    fn without_amount(&self) -> InvalidValue {
         let (key, expected) = match self.law {
             None => (
                 "max_depth_um",
@@ -155,14 +155,14 @@ impl WearSection {
                 "given with law = \"local-archard\", unless wear_coefficient_mm2_per_n is",
             ),
         };
-        Invalid::missing(&format!("wear.{key}"), expected)
+        InvalidValue::missing(&format!("wear.{key}"), expected)
     }
 }
 
 impl TryFrom<WearSection> for Wear {
-    type Error = Invalid;
+    type Error = InvalidValue;
 
-    fn try_from(section: WearSection) -> Result<Self, Invalid> {
+    fn try_from(section: WearSection) -> Result<Self, InvalidValue> {
         Ok(Self {
             law: section.law()?,
             kernel: section.kernel,

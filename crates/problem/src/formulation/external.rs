@@ -2,7 +2,7 @@
 
 use super::random::RandomInputs;
 use super::space::{Source, Space};
-use super::{Analysis, Bound, Constraint, Coordinate, Criteria, Measured, Quantity};
+use super::{Analysis, Bound, Constraint, Coordinate, Criteria, Quantity, ResponseMeasure};
 use crate::file::{ConstraintSection, Domain, ExternalSections, Sampling};
 
 /// Largest magnitude of a response. The squares of larger numbers, and sums of these, overflow.
@@ -23,11 +23,11 @@ pub(super) fn check_number(value: f64) -> Result<(), String> {
 
 /// The problem of an external campaign.
 #[derive(Debug, Clone)]
-pub(super) struct External {
+pub(super) struct ExternalProblem {
     sections: ExternalSections,
 }
 
-impl External {
+impl ExternalProblem {
     pub(super) const fn new(sections: ExternalSections) -> Self {
         Self { sections }
     }
@@ -106,8 +106,8 @@ impl External {
             .collect()
     }
 
-    pub(super) fn measures(&self, sampling: &Sampling) -> Vec<Measured> {
-        Measured::of_sections(&self.sections, sampling)
+    pub(super) fn measures(&self, sampling: &Sampling) -> Vec<ResponseMeasure> {
+        ResponseMeasure::of_sections(&self.sections, sampling)
     }
 
     /// Checks that this number can be a value of a sampled response. The error is a phrase without its subject.

@@ -2,7 +2,7 @@
 
 use gear::{Discretisation, PairInput};
 
-use super::space::Derived;
+use super::space::DerivedValues;
 use super::{Constraint, Design};
 use crate::file::{GearSections, HELIX_ANGLE, gear_size};
 
@@ -112,13 +112,13 @@ impl Gears {
     /// # Errors
     ///
     /// The involute equation has no solution.
-    pub fn normal_module(&self, design: &Design) -> Result<f64, gear::Infeasible> {
+    pub fn normal_module(&self, design: &Design) -> Result<f64, gear::Infeasibility> {
         let variables = design.gears();
         let [pinion, mate] = variables.profile_shift;
         self.module_of(variables.helix_angle_deg, pinion + mate)
     }
 
-    fn module_of(&self, helix_angle_deg: f64, shift: f64) -> Result<f64, gear::Infeasible> {
+    fn module_of(&self, helix_angle_deg: f64, shift: f64) -> Result<f64, gear::Infeasibility> {
         let template = &self.template;
         gear::normal_module(
             template.teeth,
@@ -175,7 +175,7 @@ impl Gears {
     }
 }
 
-impl Derived for Gears {
+impl DerivedValues for Gears {
     fn module(&self, values: &[f64]) -> f64 {
         self.module_of(values[HELIX_ANGLE], values[0] + values[1])
             .unwrap_or(1.0)

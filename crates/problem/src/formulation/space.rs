@@ -64,7 +64,7 @@ pub(super) enum Source {
 
 /// Values that follow from other variables of a design. If such a value does not exist, the result
 /// is another finite number with which the simulator refuses the design.
-pub(super) trait Derived {
+pub(super) trait DerivedValues {
     /// The normal module, mm.
     fn module(&self, values: &[f64]) -> f64;
 
@@ -73,7 +73,7 @@ pub(super) trait Derived {
 }
 
 /// For a problem without such values.
-impl Derived for () {
+impl DerivedValues for () {
     fn module(&self, _values: &[f64]) -> f64 {
         1.0
     }
@@ -153,7 +153,7 @@ impl Space {
 
     /// The design with the coordinates `x`, and with the values of `base` for the variables that
     /// this space takes from a given design.
-    pub(super) fn design(&self, x: &[f64], base: &Design, derived: &dyn Derived) -> Design {
+    pub(super) fn design(&self, x: &[f64], base: &Design, derived: &dyn DerivedValues) -> Design {
         let mut values = base.values().to_vec();
         for (value, source) in values.iter_mut().zip(&self.sources) {
             match *source {
@@ -192,7 +192,7 @@ impl Space {
     }
 
     /// The coordinates of a design of this space.
-    pub(super) fn coordinates_of(&self, design: &Design, derived: &dyn Derived) -> Vec<f64> {
+    pub(super) fn coordinates_of(&self, design: &Design, derived: &dyn DerivedValues) -> Vec<f64> {
         let values = design.values();
         let mut x = vec![0.0; self.coordinates.len()];
         for (source, &value) in self.sources.iter().zip(values) {

@@ -7,8 +7,8 @@ use stats::Samples;
 use stats::streams::{Purpose, stream};
 
 use super::{Run, Solution};
-use crate::formulation::{Approach, Criteria, Design, Measured, Problem};
-use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use crate::formulation::{Approach, Criteria, Design, Problem, ResponseMeasure};
+use crate::simulator::{Analysis, NoAnswer, PreparedDesign, Simulator, State};
 
 /// The violation of a design that is not simulable in feasibility-first ranking: larger than that
 /// of any simulable design.
@@ -28,12 +28,12 @@ pub struct Candidate {
     /// Whether it may be the best design so far, as far as is known without the simulator.
     pub may_improve: bool,
     /// The predictions, in a search on models.
-    predicted: Option<Predicted>,
+    predicted: Option<Prediction>,
 }
 
 /// What models predict for a design.
 #[derive(Debug, Clone, PartialEq)]
-struct Predicted {
+struct Prediction {
     /// The mean of the objective's model.
     criterion: f64,
     /// The means of the modelled quantities.
@@ -42,7 +42,7 @@ struct Predicted {
     limited: Vec<f64>,
 }
 
-impl Predicted {
+impl Prediction {
     /// The predicted criteria; `None` if the simulator is needed for them.
     fn criteria(&self, problem: &Problem) -> Option<Criteria> {
         let modelled = Criteria::new(self.modelled.clone());
@@ -106,7 +106,7 @@ pub fn answer(
 /// The samples of a design in a direct search. A failed sample is tried again, after a sample that succeeded
 /// before is computed once more to show that the simulator works. If it then fails at every attempt, it counts as
 /// failed, provided that the campaign tolerates failures.
-fn draw(problem: &Problem, design: &mut dyn Prepared) -> Result<Samples, NoAnswer> {
+fn draw(problem: &Problem, design: &mut dyn PreparedDesign) -> Result<Samples, NoAnswer> {
     let campaign = problem.campaign();
     let (purpose, number) = COMMON;
     let mut one = |sample: usize| {
@@ -196,16 +196,13 @@ impl Record {
 
 /// The measure that is optimised, and the bounds of those that constraints limit, from a design's samples.
 fn estimated(problem: &Problem, samples: &Samples) -> Option<(f64, Vec<f64>)> {
-    let estimate = |measured: &Measured| {
-        let estimate = measured
-            .sampling()
-            .estimate(&measured.values(samples))
-            .ok()?;
+    let estimate = |measure: &ResponseMeasure| {
+        let estimate = measure.sampling().estimate(&measure.values(samples)).ok()?;
         Some(estimate.chosen)
     };
-    let bound = |measured: &Measured| {
-        let estimate = estimate(measured)?;
-        Some(measured.bound(estimate.value, estimate.variance))
+    let bound = |measure: &ResponseMeasure| {
+        let estimate = estimate(measure)?;
+        Some(measure.bound(estimate.value, estimate.variance))
     };
     let criterion = estimate(problem.objective())?.value;
     let limited: Option<Vec<f64>> = problem.limited().iter().map(bound).collect();
@@ -290,18 +287,18 @@ impl Objective {
     }
 
     /// The predictions of the models; `None` without models.
-    fn predicted(&self, problem: &Problem, design: &Design) -> Option<Predicted> {
+    fn predicted(&self, problem: &Problem, design: &Design) -> Option<Prediction> {
         let (objective, others) = self.models.split_first()?;
         let x = problem.free_values(design);
         let (limited, modelled) = others.split_at_checked(problem.limited().len())?;
-        let bound = |(measured, model): (&Measured, &kriging::Surrogate)| {
+        let bound = |(measure, model): (&ResponseMeasure, &kriging::Surrogate)| {
             let predicted = model
                 .predict_many(&x)
                 .ok()
                 .and_then(|all| all.first().copied());
-            predicted.map_or(f64::NAN, |one| model.quantile(one, measured.safe_level()))
+            predicted.map_or(f64::NAN, |one| model.quantile(one, measure.safe_level()))
         };
-        Some(Predicted {
+        Some(Prediction {
             criterion: objective.mean(&x),
             modelled: modelled.iter().map(|model| model.mean(&x)).collect(),
             limited: problem.limited().iter().zip(limited).map(bound).collect(),

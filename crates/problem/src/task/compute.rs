@@ -6,10 +6,13 @@ use ledger::{Kind, StreamId, Unit};
 use stats::Samples;
 use stats::streams::{Purpose, stream};
 
-use super::{Candidate, Evaluation, FIRST_INFILL, Failure, Outcome, Output, Source, VERIFICATION};
+use super::{
+    Candidate, Evaluation, FIRST_INFILL, Failure, Outcome, Output, Source, VERIFICATION,
+    stream_name,
+};
 use crate::formulation::{Approach, Criteria, Design, Problem};
 use crate::optimise;
-use crate::simulator::{NoAnswer, Prepared, Simulator, State};
+use crate::simulator::{NoAnswer, PreparedDesign, Simulator, State};
 
 /// The short name of the reason for a candidate or a design whose evaluation failed.
 pub const FAILED: &str = "failed";
@@ -19,13 +22,13 @@ pub const FAILED: &str = "failed";
 pub fn failed(stream: StreamId, evaluation: u32, error: &str) -> String {
     let line = error.lines().next().unwrap_or_default();
     let after = |place: String| line.strip_prefix(&*place)?.strip_prefix(": ");
-    let cause = after(of_evaluation(stream, evaluation)).or_else(|| after(stream.to_string()));
+    let cause = after(of_evaluation(stream, evaluation)).or_else(|| after(stream_name(stream)));
     format!("{FAILED}: {}", cause.unwrap_or(line))
 }
 
 /// The place that an evaluation's error names.
 fn of_evaluation(stream: StreamId, evaluation: u32) -> String {
-    format!("{stream}, evaluation {evaluation}")
+    format!("{}, evaluation {evaluation}", stream_name(stream))
 }
 
 /// The short name of the reason for a design on which the simulator panicked.
@@ -68,7 +71,7 @@ pub fn compute_until(
     keep_going: &KeepGoing<'_>,
 ) -> Outcome {
     let stream = unit.stream;
-    let whole = |why: NoAnswer| Outcome::from(Failure::at(stream, None, why));
+    let whole = |why: NoAnswer| Outcome::from(Failure::at(stream_name(stream), None, why));
     match source {
         Source::Design(wanted) => design(simulator, wanted, unit, keep_going),
         Source::Point(wanted) => {
@@ -120,7 +123,7 @@ fn evaluate(
     };
     let Some(approach) = approach else {
         let why = NoAnswer::Failed("no such approach".to_owned());
-        return Failure::at(unit.stream, None, why).into();
+        return Failure::at(stream_name(unit.stream), None, why).into();
     };
     let mut evaluated = Vec::with_capacity(unit.samples.len());
     let output = |evaluated: &[Evaluation]| {
@@ -217,7 +220,7 @@ fn design(
     } = match analysed {
         Ok(Ok(analyses)) => analyses,
         Ok(Err(NoAnswer::Refused(reason))) => return done(Some(Output::Refused(reason))),
-        Ok(Err(why)) => return Failure::at(unit.stream, None, why).into(),
+        Ok(Err(why)) => return Failure::at(stream_name(unit.stream), None, why).into(),
         Err(panic) => {
             let reason = format!("{SIMULATOR_PANIC}: {panic}");
             return done(Some(Output::Refused(reason)));
@@ -255,7 +258,7 @@ fn design(
 
 /// A design with the responses of its analyses.
 struct Analyses<'a> {
-    design: Box<dyn Prepared + 'a>,
+    design: Box<dyn PreparedDesign + 'a>,
     responses: Vec<f64>,
     /// The reason if the design gets no samples.
     ruled_out: Option<String>,
@@ -264,7 +267,7 @@ struct Analyses<'a> {
 /// Analyses a design in both states.
 fn analyse<'a>(
     problem: &Problem,
-    mut design: Box<dyn Prepared + 'a>,
+    mut design: Box<dyn PreparedDesign + 'a>,
     skip_violation: Option<f64>,
 ) -> Result<Analyses<'a>, NoAnswer> {
     let nominal = design.analyse(State::Nominal)?;
@@ -347,7 +350,7 @@ impl Names {
     }
 
     /// One sample, which does not depend on the other samples drawn.
-    fn draw(self, design: &mut dyn Prepared, index: u32) -> Result<Vec<f64>, NoAnswer> {
+    fn draw(self, design: &mut dyn PreparedDesign, index: u32) -> Result<Vec<f64>, NoAnswer> {
         let sample = u64::from(index);
         match self.coefficients {
             stats::Sampling::Independent => {
@@ -380,7 +383,7 @@ pub fn random_values(
 /// Samples of the responses, each from its own random stream, until one fails.
 fn draw(
     problem: &Problem,
-    design: &mut dyn Prepared,
+    design: &mut dyn PreparedDesign,
     names: Names,
     unit: &Unit,
     keep_going: &dyn Fn(&Samples) -> bool,
@@ -405,7 +408,7 @@ fn draw(
         match sample {
             Ok(sample) => drawn.push(&sample),
             Err(why) => {
-                let place = format!("{}, sample {index}", unit.stream);
+                let place = format!("{}, sample {index}", stream_name(unit.stream));
                 return (drawn, Some(Failure::at(place, Some(index), why)));
             }
         }

@@ -7,7 +7,7 @@ use stats::streams::stream;
 use super::*;
 use crate::Campaign;
 use crate::formulation::{Approach, Problem};
-use crate::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use crate::simulator::{Analysis, NoAnswer, PreparedDesign, Simulator, State};
 
 const X: [f64; 6] = [0.25, 1.37, 1.37, 0.85, 1.31, 0.80];
 
@@ -198,13 +198,13 @@ fn what_is_stopped_gives_what_is_done() {
 }
 
 /// A function that makes up a sample.
-type Sampled = fn() -> Result<f64, NoAnswer>;
+type SampleFunction = fn() -> Result<f64, NoAnswer>;
 
 /// A simulator whose designs can be analysed and whose samples are made up.
 struct Fake {
     problem: Problem,
     analysed_um: f64,
-    sample: Sampled,
+    sample: SampleFunction,
 }
 
 impl Simulator for Fake {
@@ -212,15 +212,15 @@ impl Simulator for Fake {
         &self.problem
     }
 
-    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn PreparedDesign + 'a>, NoAnswer> {
         assert!(design.values()[0] < 0.9, "no such tooth");
-        Ok(Box::new(Ready(self)))
+        Ok(Box::new(FakeDesign(self)))
     }
 }
 
-struct Ready<'a>(&'a Fake);
+struct FakeDesign<'a>(&'a Fake);
 
-impl Prepared for Ready<'_> {
+impl PreparedDesign for FakeDesign<'_> {
     fn analyse(&mut self, _: State) -> Result<Analysis, NoAnswer> {
         let gears = self.0.problem.gears().unwrap();
         let pair = gears.pair(&asked()).unwrap();
@@ -238,7 +238,7 @@ impl Prepared for Ready<'_> {
 /// Whether a design is simulable must not depend on which of its samples are drawn together.
 #[test]
 fn analyses_refuse_a_design_and_samples_fail() {
-    let of = |analysed_um: f64, sample: Sampled, x_p: f64| {
+    let of = |analysed_um: f64, sample: SampleFunction, x_p: f64| {
         let fake = Fake {
             problem: problem(),
             analysed_um,
@@ -248,7 +248,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
         let wanted = problem().design(&x, problem().base());
         compute(&fake, &design(4..6), &Source::Design(wanted))
     };
-    let good: Sampled = || Ok(1.0);
+    let good: SampleFunction = || Ok(1.0);
     assert!(matches!(of(1.0, good, 0.2), Ok(Output::Design { .. })));
     for (output, reason) in [
         (of(1.0, good, 0.95), "simulator-panic: no such tooth"),
@@ -259,7 +259,7 @@ fn analyses_refuse_a_design_and_samples_fail() {
             "{output:?}"
         );
     }
-    let failures: [(Sampled, &str); 6] = [
+    let failures: [(SampleFunction, &str); 6] = [
         (|| panic!("out of teeth"), "simulator-panic: out of teeth"),
         (|| Ok(f64::NAN), "delta_ste_um is NaN"),
         (|| Ok(f64::INFINITY), "delta_ste_um is inf"),

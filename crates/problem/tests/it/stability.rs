@@ -6,7 +6,7 @@
 
 use problem::formulation::{Design, GearCriteria, Problem};
 use problem::optimise::{self, RunResult};
-use problem::simulator::{Analysis, NoAnswer, Prepared, Simulator, State};
+use problem::simulator::{Analysis, NoAnswer, PreparedDesign, Simulator, State};
 use problem::{Approach, Campaign};
 use stats::streams::StreamRng;
 
@@ -22,14 +22,14 @@ struct Answer {
 /// A formula; `None` if the design is not simulable.
 type Formula = fn(&[f64; 6]) -> Option<Answer>;
 
-struct Made {
+struct MadeUpSimulator {
     problem: Problem,
     formula: Formula,
 }
 
-struct Ready(Answer);
+struct MadeUpDesign(Answer);
 
-impl Prepared for Ready {
+impl PreparedDesign for MadeUpDesign {
     fn analyse(&mut self, _: State) -> Result<Analysis, NoAnswer> {
         let criteria = GearCriteria {
             contact_ratio: 1.5,
@@ -52,15 +52,15 @@ impl Prepared for Ready {
     }
 }
 
-impl Simulator for Made {
+impl Simulator for MadeUpSimulator {
     fn problem(&self) -> &Problem {
         &self.problem
     }
 
-    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn PreparedDesign + 'a>, NoAnswer> {
         let unit = six(&self.problem, design);
         match (self.formula)(&unit) {
-            Some(answer) => Ok(Box::new(Ready(answer))),
+            Some(answer) => Ok(Box::new(MadeUpDesign(answer))),
             None => Err(NoAnswer::Refused(
                 "made: there is no such design".to_owned(),
             )),
@@ -72,7 +72,7 @@ fn run(formula: Formula, evaluations: u32, start: u32) -> RunResult {
     let mut campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
     campaign.optimise.evaluations = evaluations;
     campaign.optimise.restart_at = Some(evaluations / 2);
-    let made = Made {
+    let made = MadeUpSimulator {
         problem: Problem::new(campaign),
         formula,
     };

@@ -9,15 +9,16 @@ use tokio_util::sync::CancellationToken;
 /// The places of a port's connections.
 #[derive(Debug)]
 pub(super) struct Places {
-    held: Mutex<Held>,
+    connections: Mutex<Connections>,
     most: usize,
 }
 
 #[derive(Debug, Default)]
-struct Held {
+struct Connections {
+    /// Number of connections that have arrived.
     arrived: u64,
-    /// The connections by order of arrival.
-    connections: BTreeMap<u64, Connection>,
+    /// The open connections, by order of arrival.
+    by_arrival: BTreeMap<u64, Connection>,
 }
 
 #[derive(Debug)]
@@ -31,30 +32,32 @@ struct Connection {
 impl Places {
     pub(super) fn new(most: usize) -> Arc<Self> {
         Arc::new(Self {
-            held: Mutex::default(),
+            connections: Mutex::default(),
             most,
         })
     }
 
-    fn lock(&self) -> MutexGuard<'_, Held> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self) -> MutexGuard<'_, Connections> {
+        self.connections
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Gives a place to a new connection. If all are taken and all are being answered, the oldest one is closed: a
     /// page whose event stream is closed opens another.
     pub(super) fn arrive(self: &Arc<Self>) -> Arc<Place> {
-        let mut held = self.lock();
-        if held.connections.len() >= self.most && !held.close_idle() {
-            held.close(|_| true);
+        let mut connections = self.lock();
+        if connections.by_arrival.len() >= self.most && !connections.close_idle() {
+            connections.close(|_| true);
         }
-        held.arrived += 1;
-        let number = held.arrived;
+        connections.arrived += 1;
+        let number = connections.arrived;
         let lost = CancellationToken::new();
         let connection = Connection {
             answers: 0,
             lost: lost.clone(),
         };
-        held.connections.insert(number, connection);
+        connections.by_arrival.insert(number, connection);
         Arc::new(Place {
             places: Arc::clone(self),
             number,
@@ -68,19 +71,20 @@ impl Places {
     }
 }
 
-impl Held {
+impl Connections {
     fn close_idle(&mut self) -> bool {
         self.close(|connection| connection.answers == 0)
     }
 
     /// Closes the oldest connection that satisfies `condition`.
     fn close(&mut self, condition: impl Fn(&Connection) -> bool) -> bool {
-        let mut oldest = self.connections.iter();
-        let Some(number) = oldest.find_map(|(number, held)| condition(held).then_some(*number))
+        let mut oldest = self.by_arrival.iter();
+        let Some(number) =
+            oldest.find_map(|(number, connection)| condition(connection).then_some(*number))
         else {
             return false;
         };
-        if let Some(connection) = self.connections.remove(&number) {
+        if let Some(connection) = self.by_arrival.remove(&number) {
             connection.lost.cancel();
         }
         true
@@ -108,7 +112,7 @@ impl Place {
     }
 
     fn count(&self, change: impl Fn(usize) -> usize) {
-        if let Some(connection) = self.places.lock().connections.get_mut(&self.number) {
+        if let Some(connection) = self.places.lock().by_arrival.get_mut(&self.number) {
             connection.answers = change(connection.answers);
         }
     }
@@ -116,7 +120,7 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        self.places.lock().connections.remove(&self.number);
+        self.places.lock().by_arrival.remove(&self.number);
     }
 }
 

@@ -12,7 +12,7 @@ use stages::cost::Cost;
 use stages::doe::Doe;
 use stages::responses::measures;
 use stages::{choosing, names, optima};
-use stats::Verified;
+use stats::IntervalEstimate;
 use store::{Progress, ResponseRow, Store};
 
 use crate::live::views::{BestOfDoe, Point};
@@ -153,7 +153,7 @@ impl Designs {
         let half = Z95 * response.measure_variance.sqrt();
         Some(BestOfDoe {
             number: response.design,
-            measure: Verified {
+            measure: IntervalEstimate {
                 n: problem.campaign().sampling.samples_per_design as usize,
                 value: response.measure,
                 interval: Some((response.measure - half, response.measure + half)),

@@ -2,7 +2,7 @@
 //!
 //! This module counts nothing: a scrape reports the values of the status.
 
-use crate::running::Live;
+use crate::running::CoordinatorStatus;
 use crate::status::Status;
 use prometheus_client::collector::Collector;
 use prometheus_client::encoding::text::encode;
@@ -76,7 +76,7 @@ impl Collector for StatusCollector {
             "1 when every stage is done",
             &level(f64::from(u8::from(*finished))),
         )?;
-        let Some(Live {
+        let Some(CoordinatorStatus {
             jobs_queued,
             jobs_leased,
             jobs_done,

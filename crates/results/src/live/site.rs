@@ -12,9 +12,9 @@ use std::time::Duration;
 
 use crate::optima::Optima;
 use crate::report::{self, OptimiserRun};
-use crate::running::Running;
+use crate::running::CoordinatorState;
 use crate::status::{self, Status};
-use crate::table::{SCHEMA_VERSION, Versioned};
+use crate::table::{SCHEMA_VERSION, VersionedObject};
 use axum::body::Bytes;
 use problem::formulation::Problem;
 use problem::{Approach, Campaign};
@@ -36,7 +36,7 @@ const KEPT: Duration = Duration::from_millis(500);
 const IDLE_SHARE: u32 = 20;
 
 /// A function that queries a running coordinator.
-pub type Ask = Box<dyn Fn() -> Running + Send + Sync>;
+pub type Ask = Box<dyn Fn() -> CoordinatorState + Send + Sync>;
 
 /// A view of the campaign.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -368,7 +368,7 @@ impl Site {
                 continue;
             };
             let run = OptimiserRun {
-                start: start as usize + 1,
+                start,
                 finished: false,
                 history: search.history,
                 restarts: Vec::new(),
@@ -417,7 +417,7 @@ fn of_status(view: View) -> Option<fn(&Status) -> Body> {
 impl Body {
     /// A view, with the version that all have except the status, which has its own.
     fn of_view(view: impl Serialize) -> Self {
-        Self::of(&Versioned::new(view))
+        Self::of(&VersionedObject::new(view))
     }
 
     pub(crate) fn of(view: &impl Serialize) -> Self {

@@ -115,11 +115,12 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
     model.noise_variance = model.surrogate.parameters().nugget + known;
     let origin = Origin {
         table,
+        variance: request.variance.clone(),
         unused: columns.unused,
         skipped,
         warnings: far.into_iter().chain(of_fit).collect(),
     };
-    let summary = summary::of(&model, &settings, request, origin);
+    let summary = summary::of(&model, &settings, origin);
     Ok(Fit { model, summary })
 }
 

@@ -6,7 +6,7 @@ use kriging::Settings;
 use serde::Serialize;
 
 use crate::modelling::table::{SkippedRows, UnusedColumn};
-use crate::modelling::{ModelFile, Quantity, Request, Table};
+use crate::modelling::{ModelFile, Quantity, Table};
 
 /// The parameters and the validation of a model that was fitted to a table. Quantities of the response are
 /// in its unit; with a model of ln y, those marked "modelled scale" are of ln y.
@@ -83,12 +83,12 @@ pub struct Validation {
     /// The fraction of observations within their 95 % prediction interval.
     pub coverage95: f64,
     /// The observation that lies furthest from its prediction, in standard deviations.
-    pub largest: Largest,
+    pub largest: LargestResidual,
 }
 
 /// The largest standardised residual.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Largest {
+pub struct LargestResidual {
     /// The observation's line in the file, from 1.
     pub line: u64,
     /// Observation minus prediction over its standard deviation.
@@ -99,17 +99,14 @@ pub struct Largest {
 pub(crate) struct Origin<'a> {
     /// The table, without the rows that were left out.
     pub(crate) table: &'a Table,
+    /// The column of noise variances.
+    pub(crate) variance: Option<String>,
     pub(crate) unused: Vec<UnusedColumn>,
     pub(crate) skipped: Vec<SkippedRows>,
     pub(crate) warnings: Vec<String>,
 }
 
-pub(crate) fn of(
-    model: &ModelFile,
-    settings: &Settings,
-    request: &Request,
-    origin: Origin<'_>,
-) -> Summary {
+pub(crate) fn of(model: &ModelFile, settings: &Settings, origin: Origin<'_>) -> Summary {
     let table = origin.table;
     let surrogate = &model.surrogate;
     let leave_one_out = surrogate.leave_one_out();
@@ -130,7 +127,7 @@ pub(crate) fn of(
         file: table.file().to_owned(),
         format: table.format().to_vec(),
         response: model.response.clone(),
-        variance: request.variance.clone(),
+        variance: origin.variance,
         inputs: inputs.collect(),
         unused: origin.unused,
         skipped: origin.skipped,
@@ -160,7 +157,7 @@ fn validation(found: &kriging::LeaveOneOut, table: &Table) -> Validation {
         rmse: found.rmse,
         q2: found.q2,
         coverage95: found.coverage(0.95),
-        largest: Largest {
+        largest: LargestResidual {
             line: table.line(observation),
             standardised,
         },

@@ -2,8 +2,8 @@
 
 use problem::file::{EstimatorRule, SIGNIFICANCE, Sampling};
 use stages::references::design;
-use stages::responses::{self, Controlled};
-use stats::Verified;
+use stages::responses::{self, ControlledSamples};
+use stats::IntervalEstimate;
 
 use super::drawing::{self, Illustration};
 use super::paper::{self, Place};
@@ -51,7 +51,7 @@ pub struct SimilarDesign {
     /// ΔSTE with Archard's wear, µm.
     pub delta_ste_archard_um: f64,
     /// The 90 % percentile; `None` without samples.
-    pub p90: Option<Verified>,
+    pub p90: Option<IntervalEstimate>,
 }
 
 /// A design of Figures 6 to 10.
@@ -148,7 +148,7 @@ fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
         let samples = snapshot.printed.get(&Place::Preliminary(row))?;
         // As many as the paper's: the p value falls with the number of samples.
         let samples = &samples[..samples.len().min(paper::ACCURATE_SAMPLES)];
-        let plain = Controlled::plain(samples);
+        let plain = ControlledSamples::plain(samples);
         let response = responses::response(0, plain, &of_paper).ok()?;
         let variance =
             stats::percentile_variance(response.standard_deviation.powi(2), k, of_paper.normal().z);

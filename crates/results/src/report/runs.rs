@@ -14,8 +14,8 @@ use crate::snapshot::Snapshot;
 /// A run of an optimiser from one start.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct OptimiserRun {
-    /// The start's number, from 1.
-    pub start: usize,
+    /// The start's number, from 0, as in the run's name.
+    pub start: u32,
     /// Whether the run is finished. The live page also shows runs on an external simulator while they are in
     /// progress.
     pub finished: bool,
@@ -37,7 +37,7 @@ impl OptimiserRun {
         restarts.extend(problem.campaign().optimise.restart_at.map(u64::from));
         restarts.sort_unstable();
         Ok(Self {
-            start: run.start as usize + 1,
+            start: run.start,
             finished: true,
             history: run.history,
             restarts,

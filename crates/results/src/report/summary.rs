@@ -2,7 +2,7 @@
 
 use problem::Approach;
 use problem::formulation::Constraint;
-use stats::{Samples, Verified};
+use stats::{IntervalEstimate, Samples};
 
 use super::contents::Report;
 use super::head;
@@ -143,7 +143,8 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
     if ends.is_none() {
         text += " The samples are too few for an interval at this level.";
     }
-    let is_alike = |difference: Verified| difference.interval.is_some_and(|(low, _)| low <= 0.0);
+    let is_alike =
+        |difference: IntervalEstimate| difference.interval.is_some_and(|(low, _)| low <= 0.0);
     let alike: Vec<&str> = behind(report)
         .filter(|(_, difference)| is_alike(*difference))
         .map(|(name, _)| name)
@@ -158,7 +159,7 @@ fn headline(report: &Report, best: &VerifiedOptimum) -> String {
 }
 
 /// The other ranked approaches, with how much worse their measures are.
-fn behind(report: &Report) -> impl Iterator<Item = (&'static str, Verified)> {
+fn behind(report: &Report) -> impl Iterator<Item = (&'static str, IntervalEstimate)> {
     let name = |other: &VerifiedOptimum| approach_name(report.problem(), other.optimum.approach);
     let ranked = report.snapshot.optima.ranked();
     ranked.filter_map(move |other| Some((name(other), other.behind?)))

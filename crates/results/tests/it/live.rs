@@ -9,13 +9,13 @@ use std::time::Duration;
 use ledger::Counts;
 use results::live::site::View;
 use results::live::{Site, serve};
-use results::running::{Paces, Running};
+use results::running::{CoordinatorState, Paces};
 use tempfile::TempDir;
 use tokio_util::sync::CancellationToken;
 
 /// A coordinator without workers.
-fn idle() -> Running {
-    Running {
+fn idle() -> CoordinatorState {
+    CoordinatorState {
         workers: Vec::new(),
         now: Duration::ZERO,
         counts: Counts::default(),

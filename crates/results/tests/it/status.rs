@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ledger::{Counts, Kind, StreamId, WorkerId, WorkerStatus};
-use results::running::{Pace, Paces, RunSeconds, Running};
+use results::running::{CoordinatorState, Pace, Paces, RunSeconds};
 use results::status::{OptimumStatus, Progress, Status, read};
 use stages::stage::Stage;
 
@@ -25,9 +25,9 @@ fn paces(factor: Option<f64>) -> Paces {
     )
 }
 
-fn running(silent: u64) -> Running {
+fn running(silent: u64) -> CoordinatorState {
     let now = Duration::from_secs(1000);
-    Running {
+    CoordinatorState {
         workers: vec![(
             WorkerStatus {
                 worker: WorkerId::from("w"),
@@ -79,7 +79,7 @@ async fn time_to_go_is_that_of_the_stage() {
         budget: 300,
         history: Vec::new(),
     };
-    let searching = Running {
+    let searching = CoordinatorState {
         searches: vec![search(0, 100), search(1, 60)],
         ..running(1)
     };
@@ -113,7 +113,7 @@ async fn time_to_go_is_that_of_the_stage() {
     );
     assert!((low - 24.0 / 1.1).abs() < 1e-9 && (high - 24.0 * 1.1).abs() < 1e-9);
     assert_eq!(fresh.time_to_go().unwrap(), "24 s (22 s to 26 s)");
-    let vague = Running {
+    let vague = CoordinatorState {
         paces: paces(None),
         ..running(1)
     };
@@ -125,7 +125,7 @@ async fn time_to_go_is_that_of_the_stage() {
 
     status.stage = Stage::Fit;
     assert_eq!(of_stage(&status), None, "nobody knows");
-    let idle = Running {
+    let idle = CoordinatorState {
         paces: Paces::default(),
         ..running(1)
     };

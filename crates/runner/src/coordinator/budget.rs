@@ -15,9 +15,9 @@ use crate::exit::{self, HasExitCode};
 #[error(
     "{0}: no more work is given out, and everything is kept; a larger budget and the same command continue"
 )]
-pub(crate) struct OverBudget(pub(crate) String);
+pub(crate) struct ExceededBudget(pub(crate) String);
 
-impl HasExitCode for OverBudget {
+impl HasExitCode for ExceededBudget {
     fn exit_code(&self) -> u8 {
         exit::OVER_BUDGET
     }

@@ -31,7 +31,7 @@ pub struct CheckedResult {
 pub fn read(
     problem: &Problem,
     result: &UnitResult,
-) -> Result<CheckedResult, crate::protocol::Malformed> {
+) -> Result<CheckedResult, crate::protocol::MalformedMessage> {
     let named = |stream, why: &str| format!("{}: {why}", stream_name(stream));
     let (unit, output) = match crate::protocol::output(result, problem.sampled().len()) {
         Ok(read) => read,

@@ -16,7 +16,7 @@ use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::coordinator::board::{self, Board, Course};
-use crate::coordinator::budget::{self, OverBudget};
+use crate::coordinator::budget::{self, ExceededBudget};
 use crate::coordinator::engine::{CampaignEnd, Engine};
 use crate::coordinator::leases;
 use crate::coordinator::local::LocalWorkers;
@@ -258,7 +258,7 @@ async fn run_open(
                     farewell(&engine.board).await;
                 }
                 break match over_budget.get() {
-                    Some(sentence) => Err(OverBudget(String::clone(sentence)).into()),
+                    Some(sentence) => Err(ExceededBudget(String::clone(sentence)).into()),
                     None => Ok(Outcome::Interrupted),
                 };
             }

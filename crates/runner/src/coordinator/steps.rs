@@ -12,7 +12,7 @@ use problem::{Approach, Design};
 use stages::cost::{self, Cost};
 use stages::deciding::Rows;
 use stages::doe::Doe;
-use stages::fitting::{self, Fitted, ModelSummary};
+use stages::fitting::{self, FittedModel, ModelSummary};
 use stages::linear::LinearResponse;
 use stages::optima::Optimum;
 use stages::rounds::{self, Round};
@@ -145,7 +145,7 @@ impl Steps {
             }
         };
         let mut rows = Vec::new();
-        for Fitted {
+        for FittedModel {
             title: of,
             row,
             summary,

@@ -143,11 +143,11 @@ pub(crate) struct Peer {
     /// The address of the peer; `None` within this process.
     pub(crate) address: Option<SocketAddr>,
     standing: Arc<Mutex<Standing>>,
-    kept: Kept,
+    attachments: Attachments,
 }
 
-/// What is dropped at the end of a connection, by name.
-type Kept = Arc<Mutex<BTreeMap<String, Box<dyn Any + Send>>>>;
+/// Values that are dropped at the end of a connection, by name.
+type Attachments = Arc<Mutex<BTreeMap<String, Box<dyn Any + Send>>>>;
 
 #[derive(Debug)]
 enum Standing {
@@ -164,7 +164,7 @@ impl Peer {
         Self {
             address: Some(address),
             standing: Arc::new(Mutex::new(Standing::Newcomer(newcomer))),
-            kept: Kept::default(),
+            attachments: Attachments::default(),
         }
     }
 
@@ -173,7 +173,7 @@ impl Peer {
         Self {
             address: None,
             standing: Arc::new(Mutex::new(Standing::Admitted { _place: None })),
-            kept: Kept::default(),
+            attachments: Attachments::default(),
         }
     }
 
@@ -185,7 +185,10 @@ impl Peer {
     /// Keeps what `make` returns until the connection ends, unless something is kept under this name already. How a
     /// service learns that a caller is gone.
     pub(crate) fn keep<T: Send + 'static>(&self, name: &str, make: impl FnOnce() -> T) {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut kept = self
+            .attachments
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         if !kept.contains_key(name) {
             kept.insert(name.to_owned(), Box::new(make()));
         }

@@ -67,8 +67,7 @@ pub(crate) struct InvalidToken;
 
 impl Token {
     pub(crate) fn new(role: Role, random: [u8; TOKEN_BYTES]) -> Self {
-        let digits = random.iter().map(|byte| format!("{byte:02x}"));
-        let text = role.prefix().to_owned() + &digits.collect::<String>();
+        let text = role.prefix().to_owned() + &hex::encode(random);
         Self { role, text }
     }
 

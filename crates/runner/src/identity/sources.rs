@@ -45,12 +45,7 @@ pub(crate) fn digest(workspace: &Path) -> io::Result<String> {
         hash.update((content.len() as u64).to_le_bytes());
         hash.update(content);
     }
-    let bytes = hash.finalize();
-    Ok(bytes
-        .iter()
-        .take(6)
-        .map(|byte| format!("{byte:02x}"))
-        .collect())
+    Ok(hex::encode(&hash.finalize()[..6]))
 }
 
 /// Collects the files at and below `path`, each with a name that is the same on every system.

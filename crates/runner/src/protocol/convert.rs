@@ -17,16 +17,16 @@ use crate::protocol::v1;
 
 /// The fault of a malformed message, as a sentence without its subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Malformed(pub String);
+pub struct MalformedMessage(pub String);
 
-impl fmt::Display for Malformed {
+impl fmt::Display for MalformedMessage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
     }
 }
 
-fn malformed<T>(why: &str) -> Result<T, Malformed> {
-    Err(Malformed(why.to_owned()))
+fn malformed<T>(why: &str) -> Result<T, MalformedMessage> {
+    Err(MalformedMessage(why.to_owned()))
 }
 
 impl From<LeaseId> for v1::LeaseId {
@@ -65,9 +65,9 @@ impl v1::Unit {
 }
 
 impl TryFrom<&v1::Unit> for Unit {
-    type Error = Malformed;
+    type Error = MalformedMessage;
 
-    fn try_from(unit: &v1::Unit) -> Result<Self, Malformed> {
+    fn try_from(unit: &v1::Unit) -> Result<Self, MalformedMessage> {
         let kind = match unit.kind() {
             v1::Kind::Run => Kind::Run,
             v1::Kind::Design => Kind::Design,
@@ -135,7 +135,7 @@ impl v1::Lease {
     }
 
     /// The units to compute, each with the data that this takes.
-    pub fn units(&self) -> Result<Vec<(Unit, Source)>, Malformed> {
+    pub fn units(&self) -> Result<Vec<(Unit, Source)>, MalformedMessage> {
         let mut designs = self.designs.iter();
         let models: Vec<Arc<str>> = self
             .models_json
@@ -181,7 +181,7 @@ impl v1::Lease {
     }
 
     /// The candidates of the unit with this number, one for each of its samples.
-    fn candidates(&self, number: u32, unit: &Unit) -> Result<Vec<Candidate>, Malformed> {
+    fn candidates(&self, number: u32, unit: &Unit) -> Result<Vec<Candidate>, MalformedMessage> {
         let of_unit = || self.candidates.iter().filter(|one| one.unit == number);
         let evaluations = of_unit().map(|one| one.evaluation);
         if !evaluations.eq(unit.samples.clone()) {
@@ -293,7 +293,7 @@ fn evaluated_message(evaluated: &Evaluation) -> v1::Evaluated {
     message
 }
 
-fn evaluated(message: &v1::Evaluated, width: usize) -> Result<Evaluation, Malformed> {
+fn evaluated(message: &v1::Evaluated, width: usize) -> Result<Evaluation, MalformedMessage> {
     let Some(design) = &message.design else {
         return malformed("has an evaluation without a design");
     };
@@ -325,7 +325,7 @@ impl v1::UnitResult {
 }
 
 /// Samples of `width` responses.
-fn samples(values: &[f64], width: usize) -> Result<Samples, Malformed> {
+fn samples(values: &[f64], width: usize) -> Result<Samples, MalformedMessage> {
     match Samples::new(width, values.to_vec()) {
         Some(samples) => Ok(samples),
         None => malformed("has a sample without a value for each response"),
@@ -336,7 +336,7 @@ fn samples(values: &[f64], width: usize) -> Result<Samples, Malformed> {
 pub fn output(
     result: &v1::UnitResult,
     width: usize,
-) -> Result<(Unit, Result<Output, String>), Malformed> {
+) -> Result<(Unit, Result<Output, String>), MalformedMessage> {
     let Some(unit) = &result.unit else {
         return malformed("names no unit");
     };
@@ -386,7 +386,7 @@ pub fn output(
 }
 
 /// The responses of a design, if all are finite.
-fn finite(responses: &[f64]) -> Result<Vec<f64>, Malformed> {
+fn finite(responses: &[f64]) -> Result<Vec<f64>, MalformedMessage> {
     if responses.iter().all(|response| response.is_finite()) {
         return Ok(responses.to_vec());
     }

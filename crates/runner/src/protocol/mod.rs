@@ -20,5 +20,5 @@ pub const MAX_MESSAGE_BYTES: usize = 64 * 1024 * 1024;
 mod convert;
 mod refusal;
 
-pub use convert::{Malformed, lease, output, result, results};
+pub use convert::{MalformedMessage, lease, output, result, results};
 pub use refusal::Refusal;

@@ -130,9 +130,5 @@ fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {
             hash.update(number.to_le_bytes());
         }
     }
-    let digest: [u8; 32] = hash.finalize().into();
-    digest[..8]
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect()
+    hex::encode(&hash.finalize()[..8])
 }

@@ -31,7 +31,7 @@ use std::time::{Duration, Instant};
 use problem::file::{SimulatorKind, SimulatorSection};
 use problem::formulation::{Design, Problem};
 use problem::probe::{self, ProbeError};
-use problem::simulator::{NoAnswer, Prepared, Simulator};
+use problem::simulator::{NoAnswer, PreparedDesign, Simulator};
 use serde_json::{Map, Value};
 use tokio::sync::watch;
 use tracing::warn;
@@ -41,7 +41,7 @@ use crate::worker::error::Error;
 use design::ExternalDesign;
 pub(crate) use fault::Ability;
 use fault::{Fault, PAUSES, patiently};
-use files::Kept;
+use files::FailedRuns;
 use messages::{Answer, Content, Description, Numbers};
 use program::Program;
 use slot::Slots;
@@ -205,7 +205,7 @@ pub(crate) struct Programs {
     ability: watch::Sender<Ability>,
     /// Pauses before a machine at fault is tried again.
     pauses: &'static [Duration],
-    kept: Arc<Kept>,
+    failed_runs: Arc<FailedRuns>,
 }
 
 impl Backend {
@@ -231,7 +231,7 @@ impl Backend {
                 has_answered: AtomicBool::new(false),
                 ability,
                 pauses: &PAUSES,
-                kept: Arc::default(),
+                failed_runs: Arc::default(),
             }))),
             (SimulatorKind::External, None) => Err(Error::WrongSimulator {
                 reason: format!(
@@ -391,7 +391,13 @@ impl Session<'_> {
         let number = self.programs.started.fetch_add(1, Ordering::Relaxed);
         let of = (&self.problem.campaign().simulator, number);
         let slot = self.programs.slots.take();
-        let process = Program::start(&self.programs.exec, of, slot, stop, &self.programs.kept)?;
+        let process = Program::start(
+            &self.programs.exec,
+            of,
+            slot,
+            stop,
+            &self.programs.failed_runs,
+        )?;
         *self.process.borrow_mut() = Some(process);
         let request = messages::describe(self.problem).map_err(Fault::Program)?;
         let timeout = self.programs.exec.timeout.max(START);
@@ -523,7 +529,7 @@ impl Simulator for Session<'_> {
         self.programs.version.get().cloned()
     }
 
-    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn Prepared + 'a>, NoAnswer> {
+    fn prepare<'a>(&'a self, design: &Design) -> Result<Box<dyn PreparedDesign + 'a>, NoAnswer> {
         let told = self.problem.told(design).map_err(NoAnswer::Refused)?;
         Ok(Box::new(ExternalDesign::new(self, design, &told)))
     }

@@ -85,7 +85,7 @@ async fn run(coordinator: &Coordinator, fails: impl Fn(&Unit) -> bool + Sync) ->
 
 /// How a campaign continues after a design was quarantined.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Resumed {
+enum Continuation {
     /// In the same coordinator, by `retry`. The samples are stored before the engine reads the
     /// state.
     ByRetry,
@@ -98,7 +98,7 @@ enum Resumed {
 
 /// A design is quarantined while it gets additional samples, so its response rests on fewer, and the
 /// model on that response. Both are replaced when the design has all its samples after all.
-async fn ends_as_if_undisturbed(resumed: Resumed) {
+async fn ends_as_if_undisturbed(resumed: Continuation) {
     let folder = tempfile::tempdir().unwrap();
     let undisturbed = Coordinator::start(&folder.path().join("u.db"), campaign_file()).await;
     let nothing = Vec::<String>::new();
@@ -124,16 +124,16 @@ async fn ends_as_if_undisturbed(resumed: Resumed) {
     assert_ne!(before.optima, expected.optima);
 
     match resumed {
-        Resumed::ByRetry | Resumed::AfterDeath => {
+        Continuation::ByRetry | Continuation::AfterDeath => {
             assert_eq!(coordinator.board.retry(), [stream]);
             tokio::select! {
                 () = coordinator.work(1, &|_, _| false) => {}
                 () = stored(&coordinator.store, design, samples) => {}
             }
         }
-        Resumed::ByRestart => {}
+        Continuation::ByRestart => {}
     }
-    if resumed != Resumed::ByRetry {
+    if resumed != Continuation::ByRetry {
         coordinator.store.close().await.unwrap();
         coordinator = Coordinator::start(&path, campaign_file()).await;
     }
@@ -143,17 +143,17 @@ async fn ends_as_if_undisturbed(resumed: Resumed) {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_response_from_too_few_samples_is_replaced_after_a_retry() {
-    ends_as_if_undisturbed(Resumed::ByRetry).await;
+    ends_as_if_undisturbed(Continuation::ByRetry).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_response_from_too_few_samples_is_replaced_after_a_restart() {
-    ends_as_if_undisturbed(Resumed::ByRestart).await;
+    ends_as_if_undisturbed(Continuation::ByRestart).await;
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_response_from_too_few_samples_is_replaced_after_the_death_of_a_coordinator() {
-    ends_as_if_undisturbed(Resumed::AfterDeath).await;
+    ends_as_if_undisturbed(Continuation::AfterDeath).await;
 }
 
 /// Results that workers computed in this very coordinator, and that turn out to be of other inputs, are

@@ -2,7 +2,7 @@
 
 use ledger::StreamId;
 use store::{
-    Batch, Discard, Discarded, Error, FailureKind, FailureRow, OriginRow, SampleBlock, Store,
+    Batch, Discard, Error, FailureKind, FailureRow, OriginRow, RemovedRows, SampleBlock, Store,
 };
 
 use crate::{POINT, at, feasible, folder, infeasible, of, open, sample, samples, store_with};
@@ -76,10 +76,10 @@ async fn what_a_host_delivered_is_removed_and_can_be_stored_again() {
     let whole = store.samples_digest().await.unwrap();
 
     let bad = Discard::Worker("bad".into());
-    let removed = Discarded {
+    let removed = RemovedRows {
         samples: 11,
         criteria: 1,
-        ..Discarded::default()
+        ..RemovedRows::default()
     };
     assert_eq!(store.discard(&bad, true).await.unwrap(), removed);
     assert_eq!(blocks(&store).await.len(), 4, "they were only counted");
@@ -101,7 +101,7 @@ async fn what_a_host_delivered_is_removed_and_can_be_stored_again() {
     assert_eq!(blocks(&store).await, []);
     let unknown = Discard::Worker("unknown".into());
     let none = store.discard(&unknown, false).await.unwrap();
-    assert_eq!(none, Discarded::default());
+    assert_eq!(none, RemovedRows::default());
     store.close().await.unwrap();
     open(&path).await;
 }

@@ -329,7 +329,7 @@ pub(crate) fn documented_digest(rows: &[(u64, u64, f64)]) -> String {
             carry = total >> 8;
         }
     }
-    sum.iter().map(|b| format!("{b:02x}")).collect()
+    hex::encode(sum)
 }
 
 #[tokio::test]

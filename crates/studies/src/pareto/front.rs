@@ -6,7 +6,7 @@ use problem::simulator::State;
 use problem::{Design, GearCriteria, GearVariables};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
-use stats::Verified;
+use stats::IntervalEstimate;
 use store::{CriteriaRow, Store};
 
 use crate::direct::{self, Start};
@@ -105,9 +105,9 @@ pub struct Point {
     pub variables: GearVariables,
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
-    pub p90: Verified,
+    pub p90: IntervalEstimate,
     /// P90 from verification samples; `None` if there are none.
-    pub verified: Option<Verified>,
+    pub verified: Option<IntervalEstimate>,
     /// Whether no other design is at least as good in both objectives, by verification samples where there
     /// are any.
     pub on_front: bool,
@@ -170,7 +170,7 @@ pub async fn of_doe(
             source: Source::Doe(response.design),
             variables: design.gears(),
             criteria,
-            p90: Verified {
+            p90: IntervalEstimate {
                 n: samples,
                 value: response.measure,
                 interval: stats::percentile_interval(&estimate, 0.95).ok(),
@@ -297,7 +297,7 @@ pub fn refine(
             source: Source::Search,
             variables: found.design.gears(),
             criteria: found.criteria.gears(),
-            p90: Verified {
+            p90: IntervalEstimate {
                 n: problem.campaign().sampling.samples_per_design as usize,
                 value: found.criterion,
                 interval: None,
@@ -333,7 +333,7 @@ mod tests {
     fn point(source: Source, pressure: f64, p90_um: f64, verified_um: Option<f64>) -> Point {
         let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
-        let measure = |value: f64| Verified {
+        let measure = |value: f64| IntervalEstimate {
             n: 30,
             value,
             interval: Some((value - 0.1, value + 0.1)),

@@ -164,7 +164,7 @@ fn chart(
 mod tests {
     use gear::paper::printed::Place;
     use problem::Campaign;
-    use stats::Verified;
+    use stats::IntervalEstimate;
 
     use super::*;
 
@@ -178,7 +178,7 @@ mod tests {
             source,
             variables: design.gears(),
             criteria: gears.pair_criteria(&pair, pressure),
-            p90: Verified {
+            p90: IntervalEstimate {
                 n: 30,
                 value: 2.0,
                 interval: Some((1.9, 2.1)),

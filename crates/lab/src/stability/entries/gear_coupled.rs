@@ -1,7 +1,7 @@
 //! Coupled cells: extreme loads, gaps and pairs far outside the range of the model's constants.
 
 use gear::{
-    Corrections, Discretisation, Error, Infeasible, Member, Pair, PairInput, ReliefShape, Size,
+    Corrections, Discretisation, Error, Infeasibility, Member, Pair, PairInput, ReliefShape, Size,
     TipRelief, ToothModel, Wear, WearLaw, paper::WEAR,
 };
 use results::report::Scale;
@@ -153,7 +153,7 @@ fn range(outcome: &mut Outcome) -> Result<(), EntryError> {
                     match delta(&input, &Corrections::default()) {
                         Ok(delta) if delta.is_finite() => numbers += 1,
                         Ok(_) => strange += 1,
-                        Err(Error::Infeasible(Infeasible::ContactUnresolved { .. })) => {
+                        Err(Error::Infeasible(Infeasibility::ContactUnresolved { .. })) => {
                             unresolved += 1;
                         }
                         Err(_) => other += 1,

@@ -1,6 +1,6 @@
 //! Gear pairs near the limits of existence: sweeps that end where no pair exists.
 
-use gear::{Error, Infeasible, PairInput};
+use gear::{Error, Infeasibility, PairInput};
 use results::report::Scale;
 
 use super::gear_scene::{all_finite, broken, largest_jump, pair, plain, refused_with, tip_land};
@@ -136,7 +136,7 @@ fn contact_ratio_one(outcome: &mut Outcome) -> Result<(), EntryError> {
         outcome,
         pair(&input(high + 1e-9)),
         "contact-gap",
-        |reason| matches!(reason, Infeasible::ContactGap { eps_alpha, eps_beta: 0.0 } if *eps_alpha < 1.0),
+        |reason| matches!(reason, Infeasibility::ContactGap { eps_alpha, eps_beta: 0.0 } if *eps_alpha < 1.0),
     );
     outcome.chart(
         "ΔSTE of a spur pair as its tips are turned down",
@@ -212,7 +212,7 @@ fn base_tangent(outcome: &mut Outcome) -> Result<(), EntryError> {
         outcome,
         pair(&input(high)),
         "contact-beyond-base",
-        |reason| matches!(reason, Infeasible::ContactBeyondBase { reach, available, .. } if reach >= available),
+        |reason| matches!(reason, Infeasibility::ContactBeyondBase { reach, available, .. } if reach >= available),
     );
     broken(outcome, &pair(&input(low))?, "specific sliding")?;
     let (mut sliding, mut pressure, mut ste) = (Vec::new(), Vec::new(), Vec::new());

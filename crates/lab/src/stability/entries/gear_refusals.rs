@@ -1,7 +1,7 @@
 //! Gear pairs that do not exist, and pairs that can be simulated but should not be built.
 
 use gear::{
-    Corrections, Discretisation, FlankClass, Infeasible, Member, Pair, PairInput, ReliefShape,
+    Corrections, Discretisation, FlankClass, Infeasibility, Member, Pair, PairInput, ReliefShape,
     Size, TipRelief, ToothModel,
     paper::{self, FIGURE_7},
 };
@@ -60,7 +60,7 @@ pub(super) const ENTRIES: [Entry; 5] = [
 ];
 
 /// A refused pair: the code of the reason, the input, and whether the reason carries the right values.
-type Refusal = (&'static str, PairInput, fn(&Infeasible) -> bool);
+type Refusal = (&'static str, PairInput, fn(&Infeasibility) -> bool);
 
 fn all_refused(outcome: &mut Outcome, refusals: impl IntoIterator<Item = Refusal>) {
     for (expected, input, carries_values) in refusals {
@@ -81,7 +81,7 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
                 let tan_n = 20_f64.to_radians().tan();
                 let tan_t = tan_n / 15_f64.to_radians().cos();
                 let expected = tan_t - tan_t.atan() - 4.0 * tan_n / 60.0;
-                matches!(reason, Infeasible::NoInvoluteSolution { inv_alpha_wt }
+                matches!(reason, Infeasibility::NoInvoluteSolution { inv_alpha_wt }
                     if (inv_alpha_wt - expected).abs() < 1e-12 && *inv_alpha_wt < 0.0)
             },
         ),
@@ -93,7 +93,7 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
                 ..plain()
             },
             |reason| {
-                matches!(reason, Infeasible::RootCircleVanishes { member: Member::Pinion, root_radius }
+                matches!(reason, Infeasibility::RootCircleVanishes { member: Member::Pinion, root_radius }
                     if *root_radius <= 0.0)
             },
         ),
@@ -104,7 +104,7 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
                 tool_addendum: [1.0; 2],
                 ..plain()
             },
-            |reason| matches!(reason, Infeasible::ToothWithoutThickness { half_angle, .. } if *half_angle <= 0.0),
+            |reason| matches!(reason, Infeasibility::ToothWithoutThickness { half_angle, .. } if *half_angle <= 0.0),
         ),
         // The flanks meet between the base and the reference circle: the pinion can be cut, but is no beam of its
         // thickness at the reference circle.
@@ -118,7 +118,7 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
                 tooth_model: ToothModel::PrismaticBeam,
                 ..plain()
             },
-            |reason| matches!(reason, Infeasible::BeamWithoutThickness { thickness, .. } if *thickness <= 0.0),
+            |reason| matches!(reason, Infeasibility::BeamWithoutThickness { thickness, .. } if *thickness <= 0.0),
         ),
         (
             "tip-below-base",
@@ -129,7 +129,7 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
             |reason| {
                 matches!(
                     reason,
-                    Infeasible::TipBelowBase {
+                    Infeasibility::TipBelowBase {
                         tip_radius: 20.0,
                         ..
                     }
@@ -146,7 +146,7 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
                 ..plain()
             },
             |reason| {
-                matches!(reason, Infeasible::TipBelowRoot { tip_radius, root_radius, .. }
+                matches!(reason, Infeasibility::TipBelowRoot { tip_radius, root_radius, .. }
                     if tip_radius <= root_radius)
             },
         ),
@@ -166,7 +166,7 @@ fn no_flank(outcome: &mut Outcome) -> Result<(), EntryError> {
             |reason| {
                 matches!(
                     reason,
-                    Infeasible::TipRoundingTooLarge {
+                    Infeasibility::TipRoundingTooLarge {
                         tip_rounding: 9.0,
                         ..
                     }
@@ -182,7 +182,7 @@ fn no_flank(outcome: &mut Outcome) -> Result<(), EntryError> {
             |reason| {
                 matches!(
                     reason,
-                    Infeasible::RackCornerDoesNotFit {
+                    Infeasibility::RackCornerDoesNotFit {
                         member: Member::Gear,
                         ..
                     }
@@ -205,7 +205,7 @@ fn no_flank(outcome: &mut Outcome) -> Result<(), EntryError> {
                 root_radius: [1.5, 0.2],
                 ..plain()
             },
-            |reason| matches!(reason, Infeasible::FilletCusp { height, .. } if *height > 0.0),
+            |reason| matches!(reason, Infeasibility::FilletCusp { height, .. } if *height > 0.0),
         ),
         // A short tool with a large shift: its corner forms the flank up to the tip.
         (
@@ -219,7 +219,7 @@ fn no_flank(outcome: &mut Outcome) -> Result<(), EntryError> {
                 helix_angle: 0.0,
                 ..plain()
             },
-            |reason| matches!(reason, Infeasible::NoInvoluteFlank { start, end, .. } if start >= end),
+            |reason| matches!(reason, Infeasibility::NoInvoluteFlank { start, end, .. } if start >= end),
         ),
         (
             "tooth-severed",
@@ -234,7 +234,7 @@ fn no_flank(outcome: &mut Outcome) -> Result<(), EntryError> {
                 helix_angle: 0.0,
                 ..plain()
             },
-            |reason| matches!(reason, Infeasible::ToothSevered { half_thickness, .. } if *half_thickness < 3e-6),
+            |reason| matches!(reason, Infeasibility::ToothSevered { half_thickness, .. } if *half_thickness < 3e-6),
         ),
     ];
     all_refused(outcome, refusals);

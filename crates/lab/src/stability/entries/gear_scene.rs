@@ -1,7 +1,8 @@
 //! Helpers that the entries of gear pairs share.
 
 use gear::{
-    Discretisation, Error, Infeasible, Pair, PairInput, Size, TipRule, ToothModel, paper::MATERIAL,
+    Discretisation, Error, Infeasibility, Pair, PairInput, Size, TipRule, ToothModel,
+    paper::MATERIAL,
 };
 use problem::Campaign;
 use problem::file::GearLimits;
@@ -42,7 +43,7 @@ pub(super) fn refused_with(
     outcome: &mut Outcome,
     result: Result<Pair, Error>,
     expected: &str,
-    carries_values: impl FnOnce(&Infeasible) -> bool,
+    carries_values: impl FnOnce(&Infeasibility) -> bool,
 ) {
     let (code, has_value) = match &result {
         Err(Error::Infeasible(reason)) => {

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use ledger::{Failure, Ledger, Options, StreamDemand, StreamId};
+use stages::names::stream_name;
 
 use super::lease_scene::{
     LEASE, ONE, all_of, at, beat, crashed, explained, failure_of, lease, ledger, names, units,
@@ -219,7 +220,7 @@ fn failures(outcome: &mut Outcome) -> Result<(), EntryError> {
         1.0,
     );
     explained(outcome, &ledger, now);
-    let mut explanations = ledger.explain(now).into_iter();
+    let mut explanations = ledger.explain(now, stream_name).into_iter();
     let has_error = explanations.any(|one| one.to_string().contains("no load path"));
     outcome.holds("the explanation has the error", has_error);
     let is_retried = ledger.retry() == [ONE] && ledger.lease(&a, now).is_some();

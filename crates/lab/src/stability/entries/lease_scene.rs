@@ -7,6 +7,8 @@ use ledger::{
     Unit, WorkerId,
 };
 
+use stages::names::stream_name;
+
 use crate::stability::outcome::{EntryError, Outcome, variant};
 
 pub(super) const LEASE: Duration = Duration::from_secs(30);
@@ -116,7 +118,7 @@ pub(super) fn crashed(outcome: &mut Outcome, crashes: &[Crash]) {
 
 /// Records what `coordinator explain` would print.
 pub(super) fn explained(outcome: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
-    for explanation in ledger.explain(now) {
+    for explanation in ledger.explain(now, stream_name) {
         outcome.detected(variant(&explanation), &explanation);
     }
 }

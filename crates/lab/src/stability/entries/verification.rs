@@ -4,7 +4,9 @@ use rand_distr::{Distribution as _, Exp1, StandardNormal};
 use results::report::Scale;
 use stats::reference::Reference;
 use stats::streams::{Purpose, stream};
-use stats::{Measure, Verified, order_interval_min_samples, order_statistic, paired_difference};
+use stats::{
+    IntervalEstimate, Measure, order_interval_min_samples, order_statistic, paired_difference,
+};
 
 use crate::stability::outcome::{EntryError, Outcome};
 use crate::stability::{Entry, Method};
@@ -55,7 +57,7 @@ pub(super) const ENTRIES: [Entry; 4] = [
 const CONFIDENCE: f64 = 0.95;
 const TIMES: u64 = 2000;
 
-fn covers(percentile: &Verified, truth: f64) -> bool {
+fn covers(percentile: &IntervalEstimate, truth: f64) -> bool {
     let covers = |(low, high): (f64, f64)| low <= truth && truth <= high;
     percentile.interval.is_some_and(covers)
 }
@@ -228,7 +230,8 @@ fn difference(outcome: &mut Outcome) -> Result<(), EntryError> {
         let apart = paired_difference(&first, &second, LEVEL, CONFIDENCE)?;
         let apart = apart.ok_or("400 samples have an interval at level 0.9")?;
         covered += u32::from(covers(&apart, truth));
-        let width = |one: &Verified| one.interval.map_or(f64::NAN, |(low, high)| high - low);
+        let width =
+            |one: &IntervalEstimate| one.interval.map_or(f64::NAN, |(low, high)| high - low);
         paired += width(&apart);
         let alone = order_statistic(&first, LEVEL, CONFIDENCE)?;
         separate += std::f64::consts::SQRT_2 * width(&alone);

@@ -4,7 +4,7 @@ use problem::Design;
 use problem::formulation::{Constraint, Problem};
 use problem::optimise::Solution;
 use serde::Serialize;
-use stats::Verified;
+use stats::IntervalEstimate;
 
 use crate::optima::{VerifiedLimit, VerifiedOptimum};
 use crate::report::{self, NamedValue, charts};
@@ -13,7 +13,7 @@ use super::Chart;
 
 /// The best design so far.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Best {
+pub struct BestView {
     /// Whether the campaign is finished. Before that, the result is not conclusive.
     pub finished: bool,
     /// Name of the minimised measure, such as P90.
@@ -56,7 +56,7 @@ pub struct BestOfDoe {
     /// The design with its criteria.
     pub found: Solution,
     /// The estimate of the measure with its 95 % confidence interval.
-    pub measure: Verified,
+    pub measure: IntervalEstimate,
 }
 
 /// The best design so far: the `recommended` optimum if there is any, otherwise the best of the DoE,
@@ -68,7 +68,7 @@ pub fn best(
     recommended: Option<&VerifiedOptimum>,
     of_doe: Option<&BestOfDoe>,
     estimates: usize,
-) -> Best {
+) -> BestView {
     let verified = recommended.and_then(|verified| of_optimum(problem, verified));
     let note = match (&verified, of_doe) {
         (Some(_), _) if finished => "Verified with samples of its own.".to_owned(),
@@ -83,7 +83,7 @@ pub fn best(
             format!("{estimates} designs have their samples; none of them keeps every constraint.")
         }
     };
-    Best {
+    BestView {
         finished,
         measure: problem.measured().name.to_string(),
         response: problem.objective().response.name.to_string(),
@@ -120,7 +120,7 @@ fn of_design(
     name: String,
     verified: bool,
     found: &Solution,
-    measure: Verified,
+    measure: IntervalEstimate,
 ) -> BestDesign {
     let variables = problem.variables().iter().zip(found.design.values());
     let (low, high) = measure.interval.unwrap_or((f64::NAN, f64::NAN));

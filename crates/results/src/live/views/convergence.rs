@@ -30,7 +30,7 @@ pub struct ApproachRuns {
 #[must_use]
 pub fn convergence(
     problem: &Problem,
-    runs: BTreeMap<(problem::Approach, usize), OptimiserRun>,
+    runs: BTreeMap<(problem::Approach, u32), OptimiserRun>,
 ) -> Convergence {
     let mut by_approach: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for ((approach, _), run) in runs {

@@ -12,7 +12,7 @@ use crate::running::Worker;
 use crate::status::{FailureGroup, Status};
 use serde::Serialize;
 
-pub use best::{Best, BestDesign, BestOfDoe, best, of_optimum};
+pub use best::{BestDesign, BestOfDoe, BestView, best, of_optimum};
 pub use chart::Chart;
 pub use convergence::{ApproachRuns, Convergence, convergence};
 pub use responses::{Coordinate, Map, Point, Responses, map, responses};

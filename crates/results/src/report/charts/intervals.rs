@@ -1,6 +1,6 @@
 //! Percentiles with their confidence intervals, against a number.
 
-use stats::Verified;
+use stats::IntervalEstimate;
 
 use super::{FULL, axis, draw};
 use crate::report::error::Error;
@@ -12,7 +12,7 @@ pub struct PercentileSeries {
     /// The entry in the legend.
     pub name: String,
     /// Abscissae, ascending, with the measures there.
-    pub points: Vec<(f64, Verified)>,
+    pub points: Vec<(f64, IntervalEstimate)>,
 }
 
 /// The `measure` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
@@ -98,13 +98,13 @@ pub fn front(
     draw(chart, "Pareto front", "no design satisfies the constraints")
 }
 
-fn middle(points: &[(f64, Verified)]) -> Vec<[f64; 2]> {
+fn middle(points: &[(f64, IntervalEstimate)]) -> Vec<[f64; 2]> {
     points.iter().map(|(x, p90)| [*x, p90.value]).collect()
 }
 
 /// A ring for each measure and a bar for its interval.
-fn with_bars(name: &str, colour: usize, points: &[(f64, Verified)]) -> Vec<Series> {
-    let bar = |(x, p90): &(f64, Verified)| {
+fn with_bars(name: &str, colour: usize, points: &[(f64, IntervalEstimate)]) -> Vec<Series> {
+    let bar = |(x, p90): &(f64, IntervalEstimate)| {
         let (low, high) = p90.interval?;
         Some(Series {
             name: None,

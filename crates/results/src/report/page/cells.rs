@@ -1,7 +1,7 @@
 //! Numbers in the cells of tables.
 
 use problem::formulation::Constraint;
-use stats::Verified;
+use stats::IntervalEstimate;
 
 use crate::number::{self, MISSING, with_unit};
 use crate::optima::VerifiedLimit;
@@ -99,7 +99,7 @@ pub(super) trait ShowPercentile {
     fn interval(&self) -> String;
 }
 
-impl ShowPercentile for Option<Verified> {
+impl ShowPercentile for Option<IntervalEstimate> {
     fn estimate(&self) -> String {
         self.map_or_else(
             || MISSING.to_owned(),

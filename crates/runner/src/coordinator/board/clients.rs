@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use ledger::{StreamId, WorkerStatus};
-use results::running::Running;
+use results::running::CoordinatorState;
+use stages::names;
 use tokio::time::Instant;
 
 use super::{Board, Course};
@@ -57,20 +58,20 @@ impl Board {
         if inner.course == Course::Finished {
             return vec!["the campaign is finished".to_owned()];
         }
-        let reasons = inner.ledger.explain(self.now());
+        let reasons = inner.ledger.explain(self.now(), names::stream_name);
         reasons.iter().map(ToString::to_string).collect()
     }
 
     /// The part of the status that only the running coordinator knows.
     #[must_use]
-    pub fn live(&self) -> Running {
+    pub fn live(&self) -> CoordinatorState {
         let now = self.now();
         let inner = self.lock();
         let rate = |worker: WorkerStatus| {
             let rate = inner.rates.samples_per_second(&worker.worker, now);
             (worker, rate)
         };
-        Running {
+        CoordinatorState {
             workers: inner.ledger.workers().map(rate).collect(),
             now,
             counts: inner.ledger.counts(),

@@ -1,7 +1,7 @@
 //! A design that an external simulator evaluates and samples.
 
 use problem::formulation::{Design, RandomInputs};
-use problem::simulator::{Analysis, NoAnswer, Prepared, State};
+use problem::simulator::{Analysis, NoAnswer, PreparedDesign, State};
 use problem::task::NOT_A_NUMBER;
 use rand::Rng as _;
 use serde_json::Value;
@@ -71,7 +71,7 @@ impl<'a> ExternalDesign<'a> {
     }
 }
 
-impl Prepared for ExternalDesign<'_> {
+impl PreparedDesign for ExternalDesign<'_> {
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
         let problem = self.session.problem;
         let wanted: Vec<usize> = problem.wanted(state).collect();

@@ -41,14 +41,14 @@ pub(super) struct Files {
     /// The campaign's names of the sampled responses.
     sampled: Vec<String>,
     stop: Arc<AtomicBool>,
-    kept: Arc<Kept>,
+    failed_runs: Arc<FailedRuns>,
 }
 
 /// The folders of a worker's last failed runs, oldest first.
 #[derive(Debug, Default)]
-pub(super) struct Kept(Mutex<VecDeque<PathBuf>>);
+pub(super) struct FailedRuns(Mutex<VecDeque<PathBuf>>);
 
-impl Kept {
+impl FailedRuns {
     /// Adds a folder and removes the oldest beyond [`KEPT`].
     fn add(&self, folder: PathBuf) {
         // A panic cannot leave the list half changed.
@@ -69,7 +69,7 @@ impl Files {
         path: &Path,
         (result, read): (&Path, &BTreeMap<String, ResultLine>),
         stop: Arc<AtomicBool>,
-        kept: &Arc<Kept>,
+        failed_runs: &Arc<FailedRuns>,
     ) -> Result<Self, Fault> {
         let cannot = |why: &dyn std::fmt::Display| {
             Fault::Machine(format!(
@@ -87,7 +87,7 @@ impl Files {
             read: read.clone(),
             sampled: Vec::new(),
             stop,
-            kept: Arc::clone(kept),
+            failed_runs: Arc::clone(failed_runs),
         })
     }
 
@@ -159,11 +159,7 @@ impl Files {
             read.as_bytes(),
         ]
         .concat();
-        let digest: String = Sha256::digest(parts)
-            .iter()
-            .take(8)
-            .map(|byte| format!("{byte:02x}"))
-            .collect();
+        let digest = hex::encode(&Sha256::digest(parts)[..8]);
         Ok(Map::from_iter([
             ("protocol".to_owned(), PROTOCOL.into()),
             ("version".to_owned(), format!("files {digest}").into()),
@@ -191,7 +187,7 @@ impl Files {
             }
             let folder = folder.keep();
             let note = format!("\nthe files of this run are kept in {}", folder.display());
-            self.kept.add(folder);
+            self.failed_runs.add(folder);
             match fault {
                 Fault::NotRun { text, of_machine } => Fault::NotRun {
                     text: text + &note,

@@ -8,7 +8,7 @@ use problem::file::SimulatorSection;
 use serde_json::{Map, Value};
 
 use super::fault::Fault;
-use super::files::{Files, Kept};
+use super::files::{FailedRuns, Files};
 use super::messages;
 use super::process::Process;
 use super::slot::Slot;
@@ -43,7 +43,7 @@ enum Kind {
 
 impl Program {
     /// Starts the program of `exec` for a campaign with this section; of several servers it uses the one with this number.
-    /// Once `stop` is set, the program is ended instead of waited for. `kept` are the folders of failed runs.
+    /// Once `stop` is set, the program is ended instead of waited for. `failed_runs` are the folders of failed runs.
     ///
     /// # Errors
     ///
@@ -53,7 +53,7 @@ impl Program {
         (section, number): (&SimulatorSection, usize),
         slot: Slot,
         stop: Arc<AtomicBool>,
-        kept: &Arc<Kept>,
+        failed_runs: &Arc<FailedRuns>,
     ) -> Result<Self, Fault> {
         let mut environment = exec.environment.clone();
         environment.push((SLOT.to_owned(), slot.number.to_string()));
@@ -67,7 +67,7 @@ impl Program {
             } => {
                 let command = (&**command, &**environment);
                 let result = (&**result, &section.read);
-                Kind::Files(Files::new(command, template, result, stop, kept)?)
+                Kind::Files(Files::new(command, template, result, stop, failed_runs)?)
             }
             Interface::UmBridge(servers) => {
                 let server = &servers[number % servers.len()];

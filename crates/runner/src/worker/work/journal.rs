@@ -38,13 +38,14 @@ pub(super) struct Journal {
 
 #[derive(Debug, Default)]
 struct State {
-    own: Option<Own>,
+    own: Option<OwnFile>,
     /// The notes of workers that ended without removing them.
-    dead: Vec<Dead>,
+    dead: Vec<OrphanFile>,
 }
 
+/// The file of this worker.
 #[derive(Debug)]
-struct Own {
+struct OwnFile {
     path: PathBuf,
     file: File,
     /// Length of the header line, in bytes.
@@ -53,8 +54,9 @@ struct Own {
     busy: Vec<bool>,
 }
 
+/// The file of a worker that has ended.
 #[derive(Debug)]
-struct Dead {
+struct OrphanFile {
     path: PathBuf,
     /// Keeps other workers away.
     _lock: File,
@@ -119,7 +121,7 @@ impl Journal {
             return;
         };
         let path = folder.join(format!("{prefix}{worker}{ENDING}"));
-        match Own::create(&path, worker, campaign, self.slots) {
+        match OwnFile::create(&path, worker, campaign, self.slots) {
             Ok(own) => self.state().own = Some(own),
             Err(error) => warn!(file = %path.display(), %error,
                 "what this worker computes cannot be noted: if a job kills it, others are suspected, too"),
@@ -150,7 +152,7 @@ impl Journal {
     }
 }
 
-impl Own {
+impl OwnFile {
     fn create(path: &Path, worker: &str, campaign: &str, slots: usize) -> io::Result<Self> {
         if let Some(folder) = path.parent() {
             fs::create_dir_all(folder)?;
@@ -211,7 +213,7 @@ fn begun(record: &[u8]) -> Option<HeldLease> {
 }
 
 /// The notes of this campaign in a folder that no living worker holds, in the order of their names.
-fn dead(folder: &Path, prefix: &str, campaign: &str) -> Vec<Dead> {
+fn dead(folder: &Path, prefix: &str, campaign: &str) -> Vec<OrphanFile> {
     let is_note = |name: &str| name.starts_with(prefix) && name.ends_with(ENDING);
     let unlocked = unlocked(folder, is_note).into_iter();
     unlocked
@@ -219,7 +221,7 @@ fn dead(folder: &Path, prefix: &str, campaign: &str) -> Vec<Dead> {
         .collect()
 }
 
-fn read(path: PathBuf, file: File, campaign: &str) -> Option<Dead> {
+fn read(path: PathBuf, file: File, campaign: &str) -> Option<OrphanFile> {
     let mut reader = io::BufReader::new(&file);
     let mut header = String::new();
     reader.read_line(&mut header).ok()?;
@@ -236,7 +238,7 @@ fn read(path: PathBuf, file: File, campaign: &str) -> Option<Dead> {
         begun: records.chunks(RECORD).filter_map(begun).collect(),
     };
     drop(reader);
-    Some(Dead {
+    Some(OrphanFile {
         path,
         _lock: file,
         worker,

@@ -1,21 +1,22 @@
 //! The measures of a problem: that of its objective, and those that its constraints limit.
 
-use stats::{Samples, Verified};
+use stats::{IntervalEstimate, Samples};
 
 use super::{Bound, Constraint, Quantity};
-use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling, Several};
+use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling};
 
 /// The probability with which a measure keeps the limit by which its estimate or prediction is judged.
 const HOLDS: f64 = 0.95;
 
 /// A measure of the samples of a design.
 #[derive(Debug, Clone)]
-pub struct Measured {
+pub struct ResponseMeasure {
     /// Its name, such as P90 or the name of a constraint, and its unit.
     pub quantity: Quantity,
     /// The response that it is a measure of.
     pub response: Quantity,
-    combined: Combined,
+    /// The places of the responses that a sample's number is made of.
+    places: Vec<usize>,
     /// The settings that the measure of verification samples follows from.
     stated: Sampling,
     /// The settings for designs of the DoE and for models.
@@ -30,16 +31,7 @@ struct Limit {
     searched: f64,
 }
 
-/// The number that a sample counts as, from the values of its responses.
-#[derive(Debug, Clone)]
-enum Combined {
-    One(usize),
-    Greatest(Vec<usize>),
-    Least(Vec<usize>),
-    Sum(Vec<(usize, f64)>),
-}
-
-impl Measured {
+impl ResponseMeasure {
     /// The measure of a problem with one response.
     pub(super) fn of_one(response: Quantity, sampling: &Sampling) -> Self {
         let name = sampling.objective.name([&response.name, &response.unit]);
@@ -50,7 +42,7 @@ impl Measured {
         Self {
             quantity: Quantity::new(&name, unit),
             response,
-            combined: Combined::One(0),
+            places: vec![0],
             stated: sampling.clone(),
             searched: sampling.clone(),
             limit: None,
@@ -64,24 +56,26 @@ impl Measured {
                 objective: objective.clone(),
                 ..sampling.clone()
             };
-            let response = sections.response_of(objective.response.as_ref());
-            Self {
-                combined: Combined::new(sections, objective.response.as_ref()),
-                ..Self::of_one(response, &sampling)
+            let combination = objective.response.as_ref();
+            let mut measure = Self::of_one(sections.response_of(combination), &sampling);
+            if let Some(combination) = combination {
+                let places = combination.places(&sections.responses);
+                measure.places = places.expect("validation has found every response");
             }
+            measure
         };
         let limited = sections.constraints.iter().filter_map(|section| {
             let stated = section.limited()?;
             let limit = section.limit_of_measure()?;
             let (searched, searched_limit) = stated.searched(limit);
-            let mut measured = of(&stated);
-            measured.quantity.name = section.name.clone().into();
-            measured.searched.objective = searched;
-            measured.limit = Some(Limit {
+            let mut measure = of(&stated);
+            measure.quantity.name = section.name.clone().into();
+            measure.searched.objective = searched;
+            measure.limit = Some(Limit {
                 stated: limit,
                 searched: searched_limit,
             });
-            Some(measured)
+            Some(measure)
         });
         std::iter::once(of(&sampling.objective))
             .chain(limited)
@@ -117,20 +111,13 @@ impl Measured {
     }
 
     fn value(&self, row: &[f64]) -> f64 {
-        let of = |places: &[usize], start: f64, pick: fn(f64, f64) -> f64| {
-            places.iter().map(|place| row[*place]).fold(start, pick)
-        };
         if Samples::is_failed(row) {
             return self.stated.failed_sample();
         }
-        match &self.combined {
-            Combined::One(place) => row[*place],
-            Combined::Greatest(places) => of(places, f64::NEG_INFINITY, f64::max),
-            Combined::Least(places) => of(places, f64::INFINITY, f64::min),
-            Combined::Sum(weights) => weights
-                .iter()
-                .map(|(place, weight)| weight * row[*place])
-                .sum(),
+        let values = self.places.iter().map(|&place| row[place]);
+        match &self.stated.objective.response {
+            None | Some(Combination::One(_)) => row[self.places[0]],
+            Some(Combination::Several(several)) => several.of(values),
         }
     }
 
@@ -139,13 +126,13 @@ impl Measured {
     /// # Errors
     ///
     /// Those of [`Measure::verified`](stats::Measure::verified).
-    pub fn verified(&self, samples: &Samples) -> Result<Verified, stats::Error> {
+    pub fn verified(&self, samples: &Samples) -> Result<IntervalEstimate, stats::Error> {
         self.stated.verified(&self.values(samples))
     }
 
     /// The difference of the measures of two designs, as [`Sampling::difference`].
     #[must_use]
-    pub fn difference(&self, first: &Samples, second: &Samples) -> Option<Verified> {
+    pub fn difference(&self, first: &Samples, second: &Samples) -> Option<IntervalEstimate> {
         let [first, second] = [first, second].map(|samples| self.values(samples));
         self.stated.difference(&first, &second)
     }
@@ -257,30 +244,6 @@ impl Measured {
         match self.is_upper() {
             true => Bound::AtMost,
             false => Bound::AtLeast,
-        }
-    }
-}
-
-impl Combined {
-    fn new(sections: &ExternalSections, response: Option<&Combination>) -> Self {
-        let place = |name: &String| {
-            let mut responses = sections.responses.iter();
-            let place = responses.position(|one| one.name == *name);
-            place.expect("validation has found it")
-        };
-        match response {
-            None => Self::One(0),
-            Some(Combination::One(name)) => Self::One(place(name)),
-            Some(Combination::Several(several)) => match several {
-                Several::Greatest(names) => Self::Greatest(names.iter().map(place).collect()),
-                Several::Least(names) => Self::Least(names.iter().map(place).collect()),
-                Several::Sum(weights) => Self::Sum(
-                    weights
-                        .iter()
-                        .map(|(name, weight)| (place(name), *weight))
-                        .collect(),
-                ),
-            },
         }
     }
 }
