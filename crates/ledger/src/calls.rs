@@ -283,7 +283,10 @@ impl<P: Clone> Ledger<P> {
             }
         };
         // The criteria of a design alone, whose samples fail, are no success.
-        let has_samples = delivery.stored.iter().any(|unit| !unit.samples.is_empty());
+        let has_samples = delivery
+            .stored
+            .iter()
+            .any(|unit| self.simulated(unit).is_some());
         let has_brought = delivery.has_answers || has_samples || !delivery.refused.is_empty();
         if let Some(lease) = &ended {
             for unit in &lease.units {

@@ -87,6 +87,17 @@ impl<P: Clone> Ledger<P> {
         })
     }
 
+    /// The part of a unit that takes a simulator.
+    pub(crate) fn simulated(&self, unit: &Unit) -> Option<Unit> {
+        let StreamId { kind, index } = unit.stream;
+        let known = match kind {
+            Kind::Design => self.options.known_samples.get(index as usize),
+            _ => None,
+        };
+        let samples = unit.samples.start.max(known.copied().unwrap_or(0))..unit.samples.end;
+        (!samples.is_empty()).then_some(Unit { samples, ..*unit })
+    }
+
     /// Records that a worker has succeeded with a lease.
     pub(crate) fn succeeded(&mut self, worker: &WorkerId, lease: &Lease, delivery: &Delivery) {
         self.turn += 1;
@@ -100,7 +111,7 @@ impl<P: Clone> Ledger<P> {
             units.find(|unit| unit.stream == stream).cloned()
         };
         let mut stored = delivery.stored.iter();
-        let unit = stored.find(|unit| !unit.samples.is_empty()).cloned();
+        let unit = stored.find_map(|unit| self.simulated(unit));
         let unit = unit.or_else(|| refused.filter_map(computed).next());
         if let Some(unit) = unit
             && let Some(stream) = self.streams.get(&unit.stream)

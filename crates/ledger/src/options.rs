@@ -44,6 +44,9 @@ pub struct Options {
     /// Whether a sample may take hours. Until the first is delivered, a lease then has a single
     /// sample.
     pub long_samples: bool,
+    /// Numbers of the samples of the first designs that are known beforehand. A worker that delivers them has not shown that
+    /// its simulator works.
+    pub known_samples: Vec<u32>,
     /// Whether several designs may share a lease. Only benchmarks set this to false.
     pub bundle: bool,
 }
@@ -60,6 +63,7 @@ impl Default for Options {
             max_worker_strikes: 3,
             suspension: Duration::from_secs(10),
             long_samples: false,
+            known_samples: Vec::new(),
             bundle: true,
         }
     }

@@ -9,7 +9,16 @@ use crate::{Campaign, FileError};
 const ROUNDING: f64 = 1e-9;
 
 /// Why samples of one's own are refused.
-const DRAWN: &str = "absent: the samples follow from random numbers of the campaign, which those of another program do not have";
+const DRAWN: &str = "the samples follow from random numbers of the campaign, which those of another program do not have";
+
+/// The check of a sample of one's own: what is wrong with it.
+fn sample_fault(problem: &Problem, sample: &[f64]) -> Option<String> {
+    if sample.iter().any(|value| !value.is_finite()) {
+        return Some("a sample has finite numbers; one that failed is left out".to_owned());
+    }
+    let (name, why) = problem.check_sample(sample).err()?;
+    Some(format!("{name} {why}"))
+}
 
 impl Problem {
     /// The sample with this number of a design, if the campaign file has it.
@@ -20,6 +29,16 @@ impl Problem {
             .samples
             .get(usize::try_from(design).ok()?)?;
         of_design.get(sample as usize).map(Vec::as_slice)
+    }
+
+    /// The number of samples that the campaign file has of a design.
+    #[must_use]
+    pub fn known_samples(&self, design: u64) -> u64 {
+        let designs = &self.campaign().doe.samples;
+        let place = usize::try_from(design).ok();
+        place
+            .and_then(|place| designs.get(place))
+            .map_or(0, |of| of.len() as u64)
     }
 
     /// The number of samples that the campaign file has, if the campaign takes `most` of a design.
@@ -40,6 +59,16 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
         line: usize::try_from(line).unwrap_or(usize::MAX),
         message,
     };
+    let names = match problem.campaign().doe.table_rows {
+        TableRows::Designs => &[],
+        TableRows::Samples => problem.sampled(),
+    };
+    if !names.is_empty() && problem.campaign().has_scores() {
+        return Err(wrong(
+            1,
+            format!("doe.table_rows must be \"designs\": {DRAWN}"),
+        ));
+    }
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .from_reader(text.as_bytes());
@@ -49,8 +78,9 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
     let place = |name: &str| {
         let place = header.iter().position(|column| column == name);
         place.ok_or_else(|| {
-            let names: Vec<&str> = problem.free_names().collect();
-            let names = names.join(", ");
+            let sampled = names.iter().map(|one| &*one.name);
+            let all: Vec<&str> = problem.free_names().chain(sampled).collect();
+            let names = all.join(", ");
             wrong(
                 1,
                 format!("there is no column {name}; a table of designs has the columns {names}"),
@@ -59,18 +89,8 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
     };
     let places = problem.free_names().map(|name| Ok((name, place(name)?)));
     let places = places.collect::<Result<Vec<_>, FileError>>()?;
-    let names = match problem.campaign().doe.table_rows {
-        TableRows::Designs => &[],
-        TableRows::Samples => problem.sampled(),
-    };
     let responses = names.iter().map(|one| Ok((&*one.name, place(&one.name)?)));
     let responses = responses.collect::<Result<Vec<_>, FileError>>()?;
-    if !responses.is_empty() && problem.campaign().has_scores() {
-        return Err(wrong(
-            1,
-            format!("doe.table_rows must be \"designs\", and samples {DRAWN}"),
-        ));
-    }
     let (mut points, mut samples) = (Vec::<Vec<f64>>::new(), Vec::<Vec<Vec<f64>>>::new());
     for record in reader.records() {
         let record = record.map_err(|error| {
@@ -96,8 +116,8 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
             ),
             false => None,
         };
-        if let Some(Err((name, why))) = sample.as_ref().map(|one| problem.check_sample(one)) {
-            return Err(wrong(line, format!("{name} {why}")));
+        if let Some(why) = sample.as_ref().and_then(|one| sample_fault(problem, one)) {
+            return Err(wrong(line, why));
         }
         // A further sample of a design stands in a row of its own.
         let twin = points.iter().position(|other| *other == point);
@@ -154,18 +174,15 @@ pub(crate) fn check(campaign: &Campaign, source: Source<'_>) -> Result<(), FileE
     }
     let samples = &campaign.doe.samples;
     if !samples.is_empty() && campaign.has_scores() {
-        return Err(source.refuse("doe.samples", samples.len(), DRAWN));
+        return Err(source.refuse("doe.samples", samples.len(), format!("absent: {DRAWN}")));
     }
     for (index, sample) in samples
         .iter()
         .enumerate()
         .flat_map(|(i, all)| all.iter().map(move |one| (i, one)))
     {
-        if let Err((name, why)) = problem.check_sample(sample) {
-            let expected = format!(
-                "numbers that can be a sample (list {}: {name} {why})",
-                index + 1
-            );
+        if let Some(why) = sample_fault(&problem, sample) {
+            let expected = format!("a sample of the design (list {}: {why})", index + 1);
             return Err(source.refuse("doe.samples", sample, expected));
         }
     }
@@ -269,8 +286,9 @@ mod tests {
                 "[[[0.1, 0.2]]]",
                 "list 1: displacement is one of 1 sampled responses, and the sample has 2",
             ),
-            ("[[[nan]]]", "list 1: displacement"),
-            ("[[], [[0.1]]]", "doe.samples"),
+            ("[[[nan]]]", "list 1: a sample has finite numbers"),
+            ("[[[inf]]]", "list 1: a sample has finite numbers"),
+            ("[[], [[0.1]]]", "at most a list for each of doe.points, 1"),
         ] {
             let error = with(&format!("points = [[2.0, 3.0]]\nsamples = {samples}")).unwrap_err();
             assert!(
@@ -293,7 +311,7 @@ mod tests {
         let error = table("width,thickness,displacement\n2,3,0.1\n2,3,\n");
         assert!(error.contains("designs that differ"), "{error}");
         let error = table("width,thickness\n2,3\n");
-        assert!(error.contains("there is no column displacement"), "{error}");
+        assert!(error.contains("there is no column displacement; a table of designs has the columns width, thickness, displacement"), "{error}");
         let random = include_str!("../../../campaigns/bracket/campaign.toml");
         let own = "[doe]\npoints = [[20.0, 30.0]]\nsamples = [[[1.0, 2.0, 3.0]]]\n";
         let random = random.replacen("[doe]", own, 1);

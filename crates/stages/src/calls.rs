@@ -33,7 +33,7 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
     let doe = Calls {
         stage: Stage::Sample,
         evaluations: designs * evaluations(problem),
-        samples: designs * of_design - own(problem),
+        samples: designs * of_design - problem.own_samples(of_design),
     };
     let of_run = u64::from(campaign.optimise.evaluations);
     let is_direct = problem.approaches().any(|one| one == Approach::Direct);
@@ -70,7 +70,12 @@ pub fn sampling(problem: &Problem, criteria: &[CriteriaRow], samples: u64) -> u6
         true => evaluations(problem),
         false => 1,
     };
-    criteria.iter().map(of_design).sum::<u64>() + samples.saturating_sub(own(problem))
+    let most = u64::from(problem.campaign().sampling.samples_max());
+    let sampled = criteria
+        .iter()
+        .filter(|row| row.simulable && row.reason.is_none());
+    let known = known(problem, sampled.map(|row| (row.design, most)));
+    criteria.iter().map(of_design).sum::<u64>() + samples.saturating_sub(known)
 }
 
 /// The calls that the rounds took: the search for points, the evaluations of points whose constraints only
@@ -85,16 +90,19 @@ pub fn infill(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u
     searching + evaluated.count() as u64 + sampled.map(|row| row.samples).sum::<u64>()
 }
 
-/// The samples that the campaign file has of its own designs, which no program is asked for.
-fn own(problem: &Problem) -> u64 {
-    problem.own_samples(u64::from(problem.campaign().sampling.samples_max()))
+/// The samples in the campaign file, which no program was asked for, among those of the designs with these numbers of them.
+pub fn known(problem: &Problem, counts: impl IntoIterator<Item = (u64, u64)>) -> u64 {
+    let counts = counts.into_iter();
+    counts
+        .map(|(design, count)| count.min(problem.known_samples(design)))
+        .sum()
 }
 
-/// The samples of all stages that the store has counted, without those of the campaign file.
+/// The samples of all stages that the store has counted.
 #[must_use]
 pub fn samples(problem: &Problem, progress: &Progress) -> u64 {
     let of_searches = progress.evaluation_values / problem.sampled().len() as u64;
-    progress.samples.saturating_sub(own(problem)) + progress.point_samples + of_searches
+    progress.samples + progress.point_samples + of_searches
 }
 
 /// Evaluations of a simulable design: one, and of a gear pair one without wear and one with Archard's.

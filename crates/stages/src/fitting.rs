@@ -223,8 +223,14 @@ fn fit_with(
     let own: Vec<f64> = points.iter().map(|point| point.variance).collect();
     let samples: Vec<f64> = points.iter().map(|point| point.samples as f64).collect();
     let freedom = campaign.sampling.degrees_of_freedom();
-    let noise = settings.noise;
-    let noise = noise.variances(&x, d, own, &samples, freedom, campaign.seed)?;
+    let smoothed = settings
+        .noise
+        .variances(&x, d, own.clone(), &samples, freedom, campaign.seed);
+    let noise = match smoothed {
+        // Smoothing that the file does not ask for must not cost the model.
+        Err(_) if campaign.kriging.noise.is_none() => own,
+        noise => noise?,
+    };
     let data = Data {
         x: &x,
         d,

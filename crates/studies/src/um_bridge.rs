@@ -91,7 +91,7 @@ impl Model {
             named.collect::<Vec<_>>().join(", ")
         };
         format!(
-            "input 1   {}\ninput 2   {} standard normal coefficients of the random wear; zeros are Archard's wear\n\
+            "input 1   {}\ninput 2   {} standard normal coefficients of the random wear and deviations; zeros are Archard's wear\n\
              output 1  {}\noutput 2  {}\n",
             listed(self.problem.variables()),
             self.coefficients,
@@ -141,6 +141,11 @@ impl Model {
 
     /// The lengths of both input lists.
     fn input_sizes(&self, config: &Value) -> Result<[usize; 2], Refusal> {
+        if !(config.is_object() || config.is_null()) {
+            return Err(invalid(format!(
+                "config must be an object, and is {config}"
+            )));
+        }
         let mut sizes = [self.problem.variables().len(), self.coefficients];
         for (key, value) in config.as_object().into_iter().flatten() {
             let length = value.as_u64().and_then(|value| usize::try_from(value).ok());
@@ -174,6 +179,14 @@ impl Model {
         let baseline = design.analyse(State::Baseline).map_err(refused)?;
         let responses = problem.responses_of(&nominal, &baseline);
         let sample = design.sample_at(&coefficients[..modes]).map_err(refused)?;
+        let checked = match responses.iter().all(|value| value.is_finite()) {
+            true => problem.check_responses(&responses),
+            false => Err("a response is not a number".to_owned()),
+        };
+        checked.map_err(|message| Refusal {
+            kind: "InvalidOutput",
+            message,
+        })?;
         problem
             .check_sample(&sample)
             .map_err(|(name, why)| Refusal {
@@ -269,6 +282,6 @@ mod tests {
         let zeros = vec![0.0; model.coefficients];
         let impossible = refused("Evaluate", here(json!([nothing, zeros]), json!({})));
         assert_eq!(impossible.kind, "InvalidInput");
-        assert!(!impossible.message.is_empty());
+        assert!(impossible.message.contains("root_radius"), "{impossible}");
     }
 }

@@ -134,6 +134,9 @@ fn kind(node: &Value) -> String {
         ("array", "integer", _) => "list of whole numbers",
         ("array", "number", _) => "list of numbers",
         ("array", "string", Value::Number(_)) => "two texts",
+        ("array", "array", _) if node["items"]["items"]["type"] == "array" => {
+            "list of lists of lists of numbers"
+        }
         ("array", "array", _) => "list of lists of numbers",
         ("object", ..) if node["additionalProperties"]["$ref"].is_string() => "table of sections",
         ("object", ..) => "table of texts",

@@ -100,7 +100,9 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     });
 
     let sampled = n as f64 * sampled;
-    let sampling = n as f64 * design_seconds + sampled * k as f64 * sample_seconds;
+    let known = problem.own_samples(k);
+    let drawn = (sampled * k as f64 - known as f64).max(0.0);
+    let sampling = n as f64 * design_seconds + drawn * sample_seconds;
     let runs = problem.optimiser_runs();
     let optimising = f64::from(campaign.optimise.starts) * run_seconds;
     let verifying = (points * verify) as f64 * sample_seconds;
@@ -123,6 +125,10 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
         (
             Stage::Sample,
             match campaign.sampling.precision {
+                None if known > 0 => format!(
+                    "{n} designs, at most {} samples, {known} of them known",
+                    n * k
+                ),
                 None => format!("{n} designs, at most {} samples", n * k),
                 Some(precision) => format!(
                     "{n} designs, from {k} to {} samples, for {}",

@@ -72,6 +72,30 @@ fn failures_of_one_sample_at_one_moment_count_once() {
 }
 
 #[test]
+fn known_samples_show_nothing_of_a_workers_simulator() {
+    let options = Options {
+        long_samples: true,
+        known_samples: vec![2],
+        ..alone()
+    };
+    let mut ledger = ledger(options, 1, 8, &["a"]);
+    ledger.register(&worker("a"), "here", 8, at(0.0));
+    let grants = lease_all(&mut ledger, "a", at(0.0));
+    let mut deliver = |grant: &Grant<()>, delivery: &Delivery, now: f64| {
+        ledger.deliver(&worker("a"), grant.lease, delivery, at(now));
+        ledger.lease(&worker("a"), at(now + 20.0))
+    };
+    assert!(deliver(&grants[0], &all_of(&grants[0]), 0.1).is_none());
+    let again = deliver(&grants[2], &failure_of(&grants[2]), 0.2).unwrap();
+    assert!(!again.is_control, "nothing was simulated yet");
+    assert_eq!(units(&again)[0].samples, 2..3);
+    assert!(deliver(&grants[3], &all_of(&grants[3]), 20.3).is_none());
+    let control = deliver(&again, &failure_of(&again), 20.4).unwrap();
+    assert!(control.is_control);
+    assert_eq!(units(&control)[0].samples, 3..4);
+}
+
+#[test]
 fn a_worker_that_fails_many_streams_is_suspended_once_however_many_it_holds() {
     let mut ledger = ledger(alone(), 9, 1, &["a", "b"]);
     ledger.register(&worker("a"), "here", 9, at(0.0));

@@ -105,8 +105,8 @@ impl Campaign {
         }
     }
 
-    /// The source of the noise variances of measures that constraints limit, whose designs have equally many samples. Own
-    /// variances would draw their models towards designs that seem safe by chance, most of all at levels far out.
+    /// The source of the noise variances of measures that constraints limit: smoothed if all designs have the same number of
+    /// samples. Own variances would draw their models towards designs that seem safe by chance, most of all at levels far out.
     #[must_use]
     pub fn limit_noise(&self) -> Noise {
         let are_equal = self.sampling.precision.is_none();
@@ -275,6 +275,18 @@ impl Campaign {
             warnings.push(format!(
                 "sampling.samples_per_design is {samples}: below 25 samples their normality, on \
                  which the percentile rests, cannot be trusted"
+            ));
+        }
+        let most = self.sampling.samples_max();
+        let unused = self
+            .doe
+            .samples
+            .iter()
+            .filter(|of| of.len() > most as usize)
+            .count();
+        if unused > 0 {
+            warnings.push(format!(
+                "doe.samples has more than {most} samples of {unused} designs: sampling takes the first {most}"
             ));
         }
         warnings.extend(self.sampling.doubt(&self.measure_name()));

@@ -20,8 +20,9 @@ pub struct Doe {
     /// and the searches of the baseline begin at them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<Vec<f64>>,
-    /// What is known of the first `points`: for each a list of samples, each with a value of every sampled response. They
-    /// take the place of the first samples of a program that draws its random numbers itself.
+    /// Known samples of the first `points`: for each a list of samples, each with a value of every sampled response. They
+    /// take the place of the first samples of a program that draws its random numbers itself. They are part of the campaign, so a
+    /// store that was begun without them is refused.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<Vec<Vec<f64>>>,
     /// A CSV file with these designs in the place of `points`, relative to the folder of the campaign file: a column for

@@ -1,3 +1,5 @@
+//! The name of a stream in messages and tables.
+
 use ledger::{Kind, StreamId};
 
 use super::FIRST_INFILL;

@@ -71,6 +71,12 @@ pub struct Board {
 pub fn options(campaign: &Campaign) -> Options {
     Options {
         long_samples: campaign.is_external(),
+        known_samples: campaign
+            .doe
+            .samples
+            .iter()
+            .map(|of| of.len() as u32)
+            .collect(),
         max_failures: campaign.simulator.attempts(),
         retry_for: campaign.simulator.retry_for(),
         ..Options::default()

@@ -59,7 +59,11 @@ pub(crate) async fn used_up(
             ));
         }
         let progress = store.progress().await?;
-        let samples = calls::samples(problem, &progress);
+        let known = match problem.campaign().doe.samples.is_empty() {
+            true => 0,
+            false => calls::known(problem, store.sampled_counts().await?),
+        };
+        let samples = calls::samples(problem, &progress).saturating_sub(known);
         if let Some(most) = budget.samples.filter(|most| samples >= *most) {
             return Ok(format!(
                 "budget.samples is {most}, and there are {samples} samples"

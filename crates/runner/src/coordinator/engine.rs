@@ -178,7 +178,11 @@ impl Engine {
     /// Gives the board a stored sample as a control for workers whose jobs fail.
     async fn name_control(&self, base: &Design) -> anyhow::Result<()> {
         let counts = self.store.sampled_counts().await?;
-        let sampled = counts.into_iter().find(|(_, samples)| *samples > 0);
+        // Known samples show nothing of a worker's simulator.
+        let known = |design: u64| self.problem.known_samples(design);
+        let sampled = counts
+            .into_iter()
+            .find(|(design, samples)| *samples > known(*design));
         let Some((number, _)) = sampled else {
             return Ok(());
         };
@@ -186,10 +190,11 @@ impl Engine {
         let design = designs.into_iter().find(|row| row.design == number);
         if let (Some(row), Ok(number)) = (design, u32::try_from(number)) {
             let source = Source::Design(self.problem.design(&row.x, base));
+            let first = known(row.design) as u32;
             let unit = Unit {
                 stream: StreamId::design(number),
                 generation: self.inputs.generation(StreamId::design(number), &source),
-                samples: 0..1,
+                samples: first..first + 1,
             };
             self.board.set_control(unit, Arc::new(source));
         }

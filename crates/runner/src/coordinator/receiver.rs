@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::protocol::Refusal;
 use crate::protocol::v1::{LeaseResult, UnitResult};
 use futures_util::future::join_all;
-use ledger::{Delivery, Failure, Generation, LeaseId, StreamId, Unit, Verdict, WorkerId};
+use ledger::{Delivery, Failure, Generation, Kind, LeaseId, StreamId, Unit, Verdict, WorkerId};
 use problem::formulation::Problem;
 use problem::task::{self, Evaluation, Output, Source};
 use stages::{contradiction, names};
@@ -146,7 +146,12 @@ impl<R: Recorder> Receiver<'_, R> {
             }
         };
         let stream = read.unit.stream;
-        let is_answer = read.is_refused || !read.unit.samples.is_empty();
+        let known = match stream.kind {
+            Kind::Design => self.problem.known_samples(stream.index),
+            _ => 0,
+        };
+        let samples = &read.unit.samples;
+        let is_answer = read.is_refused || u64::from(samples.end) > known.max(samples.start.into());
         brought.has_answers |= read.rows.is_ok() && is_answer;
         if self.board.accept(&read.unit) == Verdict::Stale {
             debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");

@@ -16,6 +16,7 @@ FROZEN = [0.0003, 0.19, 0.64, 0.23, 30.0]
 greatest = 0.0
 with open(table) as file:
     rows = [row for row in csv.DictReader(file) if row["simulable"] == "1"]
+assert rows, "no design can be simulated"
 for row in rows:
     names = list(row)
     first = names.index("contact_ratio")

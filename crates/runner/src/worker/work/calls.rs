@@ -260,7 +260,7 @@ fn attempt(
             return crate::protocol::results(unit, &computed, cpu_seconds);
         }
         let error = outside::line(&failure.error);
-        warn!(stream = %unit.stream, lease = %computation.lease.id, error, "a failure");
+        warn!(stream = %problem::task::stream_name(unit.stream), lease = %computation.lease.id, error, "a failure");
     }
     crate::protocol::results(unit, &computed, cpu_seconds)
 }
