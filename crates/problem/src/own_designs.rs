@@ -21,33 +21,12 @@ fn sample_fault(problem: &Problem, sample: &[f64]) -> Option<String> {
 }
 
 impl Problem {
-    /// The sample with this number of a design, if the campaign file has it.
-    pub(crate) fn own_sample(&self, design: u64, sample: u32) -> Option<&[f64]> {
-        let of_design = self
-            .campaign()
-            .doe
-            .samples
-            .get(usize::try_from(design).ok()?)?;
-        of_design.get(sample as usize).map(Vec::as_slice)
-    }
-
-    /// The number of samples that the campaign file has of a design.
+    /// The samples that the campaign file has of a design. They are its first ones.
     #[must_use]
-    pub fn known_samples(&self, design: u64) -> u64 {
-        let designs = &self.campaign().doe.samples;
+    pub fn own_samples(&self, design: u64) -> &[Vec<f64>] {
         let place = usize::try_from(design).ok();
-        place
-            .and_then(|place| designs.get(place))
-            .map_or(0, |of| of.len() as u64)
-    }
-
-    /// The number of samples that the campaign file has, if the campaign takes `most` of a design.
-    #[must_use]
-    pub fn own_samples(&self, most: u64) -> u64 {
-        let of_designs = self.campaign().doe.samples.iter();
-        of_designs
-            .map(|samples| most.min(samples.len() as u64))
-            .sum()
+        let samples = place.and_then(|place| self.campaign().doe.samples.get(place));
+        samples.map_or(&[], Vec::as_slice)
     }
 }
 
@@ -273,10 +252,8 @@ mod tests {
             own.campaign
         );
         let problem = Problem::new(own.campaign);
-        assert_eq!(problem.own_sample(0, 1), Some(&[0.2][..]));
-        assert_eq!(problem.own_sample(0, 2), None);
-        assert_eq!(problem.own_sample(1, 0), None);
-        assert_eq!([1, 25].map(|most| problem.own_samples(most)), [1, 2]);
+        assert_eq!(problem.own_samples(0), [[0.1], [0.2]]);
+        assert!(problem.own_samples(1).is_empty());
     }
 
     #[test]

@@ -33,7 +33,8 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
     let doe = Calls {
         stage: Stage::Sample,
         evaluations: designs * evaluations(problem),
-        samples: designs * of_design - problem.own_samples(of_design),
+        samples: designs * of_design
+            - known(problem, (0..designs).map(|design| (design, of_design))),
     };
     let of_run = u64::from(campaign.optimise.evaluations);
     let is_direct = problem.approaches().any(|one| one == Approach::Direct);
@@ -94,7 +95,7 @@ pub fn infill(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u
 pub fn known(problem: &Problem, counts: impl IntoIterator<Item = (u64, u64)>) -> u64 {
     let counts = counts.into_iter();
     counts
-        .map(|(design, count)| count.min(problem.known_samples(design)))
+        .map(|(design, count)| count.min(problem.own_samples(design).len() as u64))
         .sum()
 }
 

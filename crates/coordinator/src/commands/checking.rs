@@ -100,7 +100,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     });
 
     let sampled = n as f64 * sampled;
-    let known = problem.own_samples(k);
+    let known = calls::known(&problem, (0..n).map(|design| (design, k)));
     let drawn = (sampled * k as f64 - known as f64).max(0.0);
     let sampling = n as f64 * design_seconds + drawn * sample_seconds;
     let runs = problem.optimiser_runs();

@@ -401,10 +401,10 @@ fn draw(
             break;
         }
         let own = match unit.stream.kind {
-            Kind::Design => problem.own_sample(unit.stream.index, index),
+            Kind::Design => problem.own_samples(unit.stream.index).get(index as usize),
             _ => None,
         };
-        let sample = own.map_or_else(|| sample(index), |own| Ok(own.to_vec()));
+        let sample = own.map_or_else(|| sample(index), |own| Ok(own.clone()));
         match sample {
             Ok(sample) => drawn.push(&sample),
             Err(why) => {

@@ -179,7 +179,7 @@ impl Engine {
     async fn name_control(&self, base: &Design) -> anyhow::Result<()> {
         let counts = self.store.sampled_counts().await?;
         // Known samples show nothing of a worker's simulator.
-        let known = |design: u64| self.problem.known_samples(design);
+        let known = |design: u64| self.problem.own_samples(design).len() as u64;
         let sampled = counts
             .into_iter()
             .find(|(design, samples)| *samples > known(*design));

@@ -147,7 +147,7 @@ impl<R: Recorder> Receiver<'_, R> {
         };
         let stream = read.unit.stream;
         let known = match stream.kind {
-            Kind::Design => self.problem.known_samples(stream.index),
+            Kind::Design => self.problem.own_samples(stream.index).len() as u64,
             _ => 0,
         };
         let samples = &read.unit.samples;
