@@ -112,7 +112,8 @@ impl<P: Clone> Ledger<P> {
         };
         let mut stored = delivery.stored.iter();
         let unit = stored.find_map(|unit| self.simulated(unit));
-        let unit = unit.or_else(|| refused.filter_map(computed).next());
+        let mut refused = refused.filter_map(computed);
+        let unit = unit.or_else(|| refused.find_map(|unit| self.simulated(&unit)));
         if let Some(unit) = unit
             && let Some(stream) = self.streams.get(&unit.stream)
         {

@@ -1,8 +1,8 @@
-//! Designs of the user's own, which come first in the DoE, and what is known of them: `[doe] points` and `samples`, or
-//! the rows of `[doe] table`.
+//! Designs of the user's own, which come first in the DoE, and what is known of them: `[doe] points`, `responses`
+//! and `samples`, or the rows of `[doe] table`.
 
 use crate::file::{Doe, Source, TableRows};
-use crate::formulation::Problem;
+use crate::formulation::{Problem, Quantity};
 use crate::{Campaign, FileError};
 
 /// The largest relative error of a bound or a discrete value that is taken for rounding.
@@ -10,6 +10,8 @@ const ROUNDING: f64 = 1e-9;
 
 /// Why samples of one's own are refused.
 const DRAWN: &str = "the samples follow from random numbers of the campaign, which those of another program do not have";
+/// Why responses of one's own are refused.
+const COMPUTED: &str = "the built-in model computes the responses itself";
 
 /// The check of a sample of one's own: what is wrong with it.
 fn sample_fault(problem: &Problem, sample: &[f64]) -> Option<String> {
@@ -24,94 +26,160 @@ impl Problem {
     /// The samples that the campaign file has of a design. They are its first ones.
     #[must_use]
     pub fn own_samples(&self, design: u64) -> &[Vec<f64>] {
-        let place = usize::try_from(design).ok();
-        let samples = place.and_then(|place| self.campaign().doe.samples.get(place));
-        samples.map_or(&[], Vec::as_slice)
+        own(&self.campaign().doe.samples, design)
+    }
+
+    /// The deterministic responses that the campaign file has of a design.
+    #[must_use]
+    pub fn own_responses(&self, design: u64) -> Option<&[f64]> {
+        let known = own(&self.campaign().doe.responses, design);
+        (!known.is_empty()).then_some(known)
     }
 }
 
-/// The section with the designs of its table, which has a column for each free variable and, if its rows are samples, for
-/// each sampled response; other columns are not read. `file` names the table in errors.
+/// What the campaign file has of a design in this list; nothing beyond its end.
+fn own<T>(known: &[Vec<T>], design: u64) -> &[T] {
+    let place = usize::try_from(design).ok();
+    let known = place.and_then(|place| known.get(place));
+    known.map_or(&[], Vec::as_slice)
+}
+
+/// The names and places of columns.
+type Columns<'a> = Vec<(&'a str, usize)>;
+
+/// The columns of a table of designs.
+struct Header<'a> {
+    variables: Columns<'a>,
+    responses: Columns<'a>,
+    sampled: Columns<'a>,
+}
+
+impl<'a> Header<'a> {
+    /// The columns for this problem, or what is wrong with them.
+    fn of(problem: &'a Problem, columns: &csv::StringRecord) -> Result<Self, String> {
+        let campaign = problem.campaign();
+        let rows = campaign.doe.table_rows;
+        let why = match rows {
+            TableRows::Samples if campaign.has_scores() => Some(DRAWN),
+            TableRows::Responses if !campaign.is_external() => Some(COMPUTED),
+            TableRows::Responses if problem.responses().is_empty() => {
+                Some("the campaign has no deterministic responses")
+            }
+            _ => None,
+        };
+        if let Some(why) = why {
+            return Err(format!("doe.table_rows must be \"designs\": {why}"));
+        }
+        let variables: Vec<&str> = problem.free_names().collect();
+        let names = |all: &'a [Quantity]| all.iter().map(|one| &*one.name).collect::<Vec<&str>>();
+        let sampled = match rows {
+            TableRows::Samples => names(problem.sampled()),
+            _ => Vec::new(),
+        };
+        let place = |name: &str| columns.iter().position(|column| column == name);
+        let responses = match rows {
+            TableRows::Responses => names(problem.responses()),
+            // A baseline has the name of a sampled response.
+            TableRows::Samples if !problem.has_baseline() => names(problem.responses()),
+            _ => Vec::new(),
+        };
+        let are_optional = rows == TableRows::Samples;
+        let responses = match are_optional && responses.iter().any(|name| place(name).is_none()) {
+            true => Vec::new(),
+            false => responses,
+        };
+        let all = [&*variables, &responses, &sampled].concat().join(", ");
+        let placed = |names: Vec<&'a str>| {
+            let placed = names.into_iter().map(|name| {
+                let place = place(name).ok_or_else(|| {
+                    format!("there is no column {name}; a table of designs has the columns {all}")
+                })?;
+                Ok((name, place))
+            });
+            placed.collect::<Result<Columns<'a>, String>>()
+        };
+        Ok(Self {
+            variables: placed(variables)?,
+            responses: placed(responses)?,
+            sampled: placed(sampled)?,
+        })
+    }
+}
+
+/// The numbers of a row in these columns, or what is wrong with one.
+fn numbers(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Vec<f64>, String> {
+    let number = |&(name, place): &(&str, usize)| {
+        let text = &record[place];
+        let number = text.parse::<f64>();
+        number.map_err(|_| format!("{name} is {text:?}, which is not a number"))
+    };
+    columns.iter().map(number).collect()
+}
+
+/// The numbers of a row in these columns; none if all are empty.
+fn known(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Option<Vec<f64>>, String> {
+    let is_known = columns.iter().any(|&(_, place)| !record[place].is_empty());
+    is_known.then(|| numbers(record, columns)).transpose()
+}
+
+/// The section with the designs of its table, which has a column for each free variable, and for what is known of the
+/// designs; other columns are not read. `file` names the table in errors.
 pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe, FileError> {
     let wrong = |line: u64, message: String| FileError::Syntax {
         file: file.to_owned(),
         line: usize::try_from(line).unwrap_or(usize::MAX),
         message,
     };
-    let names = match problem.campaign().doe.table_rows {
-        TableRows::Designs => &[],
-        TableRows::Samples => problem.sampled(),
-    };
-    if !names.is_empty() && problem.campaign().has_scores() {
-        return Err(wrong(
-            1,
-            format!("doe.table_rows must be \"designs\": {DRAWN}"),
-        ));
-    }
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
         .from_reader(text.as_bytes());
-    let header = reader
+    let columns = reader
         .headers()
         .map_err(|error| wrong(1, error.to_string()))?;
-    let place = |name: &str| {
-        let place = header.iter().position(|column| column == name);
-        place.ok_or_else(|| {
-            let sampled = names.iter().map(|one| &*one.name);
-            let all: Vec<&str> = problem.free_names().chain(sampled).collect();
-            let names = all.join(", ");
-            wrong(
-                1,
-                format!("there is no column {name}; a table of designs has the columns {names}"),
-            )
-        })
+    let header = Header::of(problem, columns).map_err(|why| wrong(1, why))?;
+    let mut doe = Doe {
+        points: Vec::new(),
+        samples: Vec::new(),
+        responses: Vec::new(),
+        table: None,
+        table_rows: TableRows::Designs,
+        ..problem.campaign().doe
     };
-    let places = problem.free_names().map(|name| Ok((name, place(name)?)));
-    let places = places.collect::<Result<Vec<_>, FileError>>()?;
-    let responses = names.iter().map(|one| Ok((&*one.name, place(&one.name)?)));
-    let responses = responses.collect::<Result<Vec<_>, FileError>>()?;
-    let (mut points, mut samples) = (Vec::<Vec<f64>>::new(), Vec::<Vec<Vec<f64>>>::new());
     for record in reader.records() {
         let record = record.map_err(|error| {
             let line = error.position().map_or(1, csv::Position::line);
             wrong(line, error.to_string())
         })?;
         let line = record.position().map_or(1, csv::Position::line);
-        let value = |&(name, place): &(&str, usize)| {
-            let text = &record[place];
-            let number = text.parse::<f64>();
-            number.map_err(|_| wrong(line, format!("{name} is {text:?}, which is not a number")))
-        };
-        let point = places.iter().map(value).collect::<Result<Vec<f64>, _>>()?;
-        let is_known = responses
-            .iter()
-            .any(|&(_, place)| !record[place].is_empty());
-        let sample = match is_known {
-            true => Some(
-                responses
-                    .iter()
-                    .map(value)
-                    .collect::<Result<Vec<f64>, _>>()?,
-            ),
-            false => None,
-        };
+        let wrong = |message: String| wrong(line, message);
+        let point = numbers(&record, &header.variables).map_err(wrong)?;
+        let sample = known(&record, &header.sampled).map_err(wrong)?;
         if let Some(why) = sample.as_ref().and_then(|one| sample_fault(problem, one)) {
-            return Err(wrong(line, why));
+            return Err(wrong(why));
         }
+        let responses = known(&record, &header.responses).map_err(wrong)?;
+        if let Some(responses) = &responses {
+            problem.check_responses(responses).map_err(wrong)?;
+        }
+        let responses = responses.unwrap_or_default();
         // A further sample of a design stands in a row of its own.
-        let twin = points.iter().position(|other| *other == point);
+        let twin = doe.points.iter().position(|other| *other == point);
         if let (Some(twin), Some(sample)) = (twin, &sample) {
-            samples[twin].push(sample.clone());
+            if doe.responses[twin] != responses {
+                let names = header.responses.iter().map(|(name, _)| *name);
+                let names = names.collect::<Vec<&str>>().join(", ");
+                let message = format!("{names} must be the same in all rows of a design");
+                return Err(wrong(message));
+            }
+            doe.samples[twin].push(sample.clone());
             continue;
         }
-        let most = problem.campaign().doe.designs;
-        if points.len() == most as usize {
-            return Err(wrong(
-                line,
-                format!("there are more designs than doe.designs, which is {most}"),
-            ));
+        let most = doe.designs;
+        if doe.points.len() == most as usize {
+            let message = format!("there are more designs than doe.designs, which is {most}");
+            return Err(wrong(message));
         }
-        if let Some((name, found, expected)) = fault(problem, &point, &points) {
+        if let Some((name, found, expected)) = fault(problem, &point, &doe.points) {
             return Err(FileError::Value {
                 file: file.to_owned(),
                 line: usize::try_from(line).unwrap_or(usize::MAX),
@@ -120,22 +188,19 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
                 expected,
             });
         }
-        points.push(point);
-        samples.push(sample.into_iter().collect());
+        doe.points.push(point);
+        doe.samples.push(sample.into_iter().collect());
+        doe.responses.push(responses);
     }
-    samples.truncate(
-        samples
-            .iter()
-            .rposition(|known| !known.is_empty())
-            .map_or(0, |last| last + 1),
-    );
-    Ok(Doe {
-        points,
-        samples,
-        table: None,
-        table_rows: TableRows::Designs,
-        ..problem.campaign().doe
-    })
+    forget_empty_ends(&mut doe.samples);
+    forget_empty_ends(&mut doe.responses);
+    Ok(doe)
+}
+
+/// Removes the empty lists at the end.
+fn forget_empty_ends<T>(lists: &mut Vec<Vec<T>>) {
+    let last = lists.iter().rposition(|list| !list.is_empty());
+    lists.truncate(last.map_or(0, |last| last + 1));
 }
 
 /// Checks the designs that the campaign file itself has, and their samples.
@@ -151,9 +216,22 @@ pub(crate) fn check(campaign: &Campaign, source: Source<'_>) -> Result<(), FileE
             return Err(source.refuse("doe.points", point, expected));
         }
     }
-    let samples = &campaign.doe.samples;
+    let (samples, responses) = (&campaign.doe.samples, &campaign.doe.responses);
     if !samples.is_empty() && campaign.has_scores() {
         return Err(source.refuse("doe.samples", samples.len(), format!("absent: {DRAWN}")));
+    }
+    if !responses.is_empty() && !campaign.is_external() {
+        let expected = format!("absent: {COMPUTED}");
+        return Err(source.refuse("doe.responses", responses.len(), expected));
+    }
+    for (index, of) in responses.iter().enumerate() {
+        if of.is_empty() {
+            continue;
+        }
+        if let Err(why) = problem.check_responses(of) {
+            let expected = format!("the responses of the design (list {}: {why})", index + 1);
+            return Err(source.refuse("doe.responses", of, expected));
+        }
     }
     for (index, sample) in samples
         .iter()
@@ -214,8 +292,10 @@ mod tests {
 
     const TEXT: &str = include_str!("../../../campaigns/cantilever/campaign.toml");
 
+    /// The cantilever without its baseline.
     fn with(doe: &str) -> Result<CampaignFile, String> {
-        let text = TEXT.replacen("[doe]\n", &format!("[doe]\n{doe}\n"), 1);
+        let text = TEXT.replacen("baseline = true", "", 1);
+        let text = text.replacen("[doe]\n", &format!("[doe]\n{doe}\n"), 1);
         CampaignFile::parse("beam.toml", &text).map_err(|error| error.to_string())
     }
 
@@ -254,6 +334,82 @@ mod tests {
         let problem = Problem::new(own.campaign);
         assert_eq!(problem.own_samples(0), [[0.1], [0.2]]);
         assert!(problem.own_samples(1).is_empty());
+    }
+
+    #[test]
+    fn responses_of_own_designs_are_read_from_the_file_or_a_table() {
+        let own = "points = [[2.0, 3.0], [1.5, 3.5], [1.0, 3.0]]\nresponses = [[6.0], [], [3.0]]";
+        let samples = format!("{own}\nsamples = [[[0.1], [0.2]]]");
+        let of = |rows: &str, text: &str| {
+            let file = with(&format!("table = \"points.csv\"\ntable_rows = \"{rows}\"")).unwrap();
+            let file = file.with_designs("points.csv", text);
+            file.map_err(|error| error.to_string())
+        };
+        let designs = "width,thickness,area\n2,3,6\n1.5,3.5,\n1,3,3\n";
+        let file = of("responses", designs).unwrap();
+        assert_eq!(file.campaign, with(own).unwrap().campaign);
+        let text = &file.text;
+        assert_eq!(
+            CampaignFile::parse("again", text).unwrap().campaign,
+            file.campaign
+        );
+        let problem = Problem::new(file.campaign);
+        assert_eq!(problem.own_responses(0), Some(&[6.0][..]));
+        assert_eq!(problem.own_responses(1), None);
+        let rows = "width,thickness,displacement,area\n2,3,0.1,6\n1.5,3.5,,\n1,3,,3\n2,3,0.2,6\n";
+        assert_eq!(
+            of("samples", rows).unwrap().campaign,
+            with(&samples).unwrap().campaign
+        );
+        for (rows, text, says) in [
+            (
+                "samples",
+                "width,thickness,displacement,area\n2,3,0.1,6\n2,3,0.2,\n",
+                "points.csv, line 3: area must be the same in all rows of a design",
+            ),
+            (
+                "responses",
+                "width,thickness\n2,3\n",
+                "there is no column area; a table of designs has the columns width, thickness, area",
+            ),
+            (
+                "responses",
+                "width,thickness,area\n2,3,inf\n",
+                "points.csv, line 2: area is inf",
+            ),
+        ] {
+            let error = of(rows, text).unwrap_err();
+            assert!(error.contains(says), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_with_responses_is_told_with_its_place() {
+        for (responses, says) in [
+            ("[[6.0, 1.0]]", "list 1: has 2 responses of a design, not 1"),
+            ("[[], [6.0]]", "at most a list for each of doe.points, 1"),
+        ] {
+            let responses = format!("points = [[2.0, 3.0]]\nresponses = {responses}");
+            let error = with(&responses).unwrap_err();
+            assert!(
+                error.contains(says) && error.contains("doe.responses"),
+                "{error}"
+            );
+        }
+        let gears = include_str!("../../../campaigns/quick.toml");
+        let (points, table) = (
+            "points = [[",
+            "table_rows = \"responses\"\ntable = \"t.csv\"",
+        );
+        let doe = |keys: &str| gears.replacen("[doe]\n", &format!("[doe]\n{keys}\n"), 1);
+        assert!(!gears.contains(points));
+        let file = CampaignFile::parse("g.toml", &doe(table)).unwrap();
+        let error = file.with_designs("t.csv", "a\n1\n").unwrap_err();
+        let error = error.to_string();
+        assert!(
+            error.contains("the built-in model computes the responses itself"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -17,7 +17,7 @@ mod stream_name;
 
 pub use compute::{
     FAILED, KeepGoing, NOT_A_NUMBER, RULED_OUT, SIMULATOR_PANIC, compute, compute_until, failed,
-    random_values,
+    random_values, samples_not_asked,
 };
 pub use inputs::Inputs;
 pub use stream_name::{infill_mark, stream_name};

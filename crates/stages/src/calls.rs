@@ -32,7 +32,9 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
     let of_design = u64::from(campaign.sampling.samples_max());
     let doe = Calls {
         stage: Stage::Sample,
-        evaluations: designs * evaluations(problem),
+        evaluations: (0..designs)
+            .map(|design| evaluations(problem, design))
+            .sum(),
         samples: designs * of_design
             - known(problem, (0..designs).map(|design| (design, of_design))),
     };
@@ -68,7 +70,7 @@ pub fn planned(problem: &Problem) -> Vec<Calls> {
 #[must_use]
 pub fn sampling(problem: &Problem, criteria: &[CriteriaRow], samples: u64) -> u64 {
     let of_design = |row: &CriteriaRow| match row.simulable {
-        true => evaluations(problem),
+        true => evaluations(problem, row.design),
         false => 1,
     };
     let most = u64::from(problem.campaign().sampling.samples_max());
@@ -106,9 +108,13 @@ pub fn samples(problem: &Problem, progress: &Progress) -> u64 {
     progress.samples + progress.point_samples + of_searches
 }
 
-/// Evaluations of a simulable design: one, and of a gear pair one without wear and one with Archard's.
-fn evaluations(problem: &Problem) -> u64 {
-    1 + u64::from(problem.gears().is_some())
+/// Evaluations of a simulable design of the DoE: one, and of a gear pair one without wear and one with Archard's; none if
+/// the campaign file has its responses.
+fn evaluations(problem: &Problem, design: u64) -> u64 {
+    match problem.own_responses(design) {
+        Some(_) => 0,
+        None => 1 + u64::from(problem.gears().is_some()),
+    }
 }
 
 #[cfg(test)]
@@ -131,6 +137,25 @@ mod tests {
         assert_eq!(of(Stage::Optimise), Some((600, 0)));
         assert_eq!(of(Stage::Enrich), None);
         assert_eq!(of(Stage::Verify), Some((0, 3 * 400)));
+    }
+
+    #[test]
+    fn the_program_is_not_asked_for_what_the_campaign_file_knows() {
+        let text = include_str!("../../../campaigns/cantilever/campaign.toml");
+        let own = "[doe]\npoints = [[2.0, 3.0], [1.5, 3.5]]\nresponses = [[], [5.25, 2.0]]\n\
+                   samples = [[[0.1], [0.2]]]\n";
+        let text = text.replacen("[doe]\n", own, 1);
+        let problem = Problem::new(Campaign::parse("campaign.toml", &text).unwrap());
+        let doe = planned(&problem)[0];
+        assert_eq!((doe.evaluations, doe.samples), (39, 40 * 25 - 2));
+        let row = |design| CriteriaRow {
+            design,
+            simulable: true,
+            ..CriteriaRow::default()
+        };
+        let criteria: Vec<CriteriaRow> = (0..3).map(row).collect();
+        assert_eq!(sampling(&problem, &criteria, 75), 2 + 73);
+        assert_eq!(known(&problem, [(0, 1), (1, 25)]), 1);
     }
 
     #[test]

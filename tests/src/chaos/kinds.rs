@@ -242,7 +242,7 @@ fn problem(is_shipped: bool) -> String {
 }
 
 /// The example of a program that communicates through files, with infill, a constraint, and a second response with a
-/// constraint on its samples. The campaign says in which lines the numbers are, and knows samples of a design of its own.
+/// constraint on its samples. The campaign says in which lines the numbers are, and knows samples and areas of designs of its own.
 fn files() -> String {
     let changes = [
         (
@@ -253,7 +253,8 @@ fn files() -> String {
         ),
         (
             "designs = 40",
-            "designs = 24\npoints = [[2.5, 3.5]]\nsamples = [[[-5000.0, 1.9], [-9000.0, 2.0]]]",
+            "designs = 24\npoints = [[2.5, 3.5], [4.0, 4.0]]\nsamples = [[[-5000.0, 1.9], [-9000.0, 2.0]]]\n\
+             responses = [[8.75, 1.9], [16.0, 0.5]]",
         ),
         ("samples_per_design = 25", "samples_per_design = 15"),
         ("evaluations = 300", "evaluations = 100"),

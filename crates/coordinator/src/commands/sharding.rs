@@ -160,7 +160,7 @@ async fn engine(
     if let Some(digest) = &model_digest {
         store.pin_model_digest(digest).await?;
     }
-    let options = board::options(problem.campaign());
+    let options = board::options(problem);
     let board = Arc::new(Board::new(options, rand::random()));
     // Suspects cannot be computed alone here: the coordinator does not know which parts of a shard run at the same time.
     let mut histories = store.stream_histories().await?;

@@ -25,6 +25,11 @@ pub struct Doe {
     /// store that was begun without them is refused.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub samples: Vec<Vec<Vec<f64>>>,
+    /// Known deterministic responses of the first `points`: for each a list of those that constraints limit, in the order of
+    /// the file, and last the baseline if there is one; an empty list if they are not known. The program is not asked for
+    /// them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub responses: Vec<Vec<f64>>,
     /// A CSV file with these designs in the place of `points`, relative to the folder of the campaign file: a column for
     /// each of the variables.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -41,8 +46,12 @@ pub enum TableRows {
     /// A design.
     #[default]
     Designs,
+    /// A design, with a column for each deterministic response, too: the table has `responses` as well as `points`. A design
+    /// whose responses are not known has a row in which these are empty.
+    Responses,
     /// A sample of a design, with a column for each sampled response, too: the table has `samples` as well as `points`.
-    /// A design without any has a row in which these are empty.
+    /// A design without any has a row in which these are empty. If there is no baseline, and the table has a column for each
+    /// deterministic response, it has `responses`, too.
     Samples,
 }
 
@@ -121,18 +130,17 @@ impl Doe {
         source.require(
             self.table.is_some() || self.table_rows.are_designs(),
             "doe.table_rows",
-            "samples",
+            self.table_rows,
             "absent without doe.table",
         )?;
-        source.require(
-            self.samples.len() <= self.points.len(),
-            "doe.samples",
-            self.samples.len(),
-            &format!(
-                "at most a list for each of doe.points, {}",
-                self.points.len()
-            ),
-        )?;
+        for (key, known) in [
+            ("doe.samples", self.samples.len()),
+            ("doe.responses", self.responses.len()),
+        ] {
+            let points = self.points.len();
+            let expected = format!("at most a list for each of doe.points, {points}");
+            source.require(known <= points, key, known, &expected)?;
+        }
         source.require(
             self.points.len() <= self.designs as usize,
             "doe.points",

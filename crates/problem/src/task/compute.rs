@@ -10,7 +10,7 @@ use super::{
     Candidate, Evaluation, FIRST_INFILL, Failure, Outcome, Output, Source, VERIFICATION,
     stream_name,
 };
-use crate::formulation::{Approach, Criteria, Design, Problem};
+use crate::formulation::{Approach, Design, Problem};
 use crate::optimise;
 use crate::simulator::{NoAnswer, PreparedDesign, Simulator, State};
 
@@ -210,8 +210,16 @@ fn design(
         failure: None,
     };
     let analysed = guarded(|| {
-        let prepared = simulator.prepare(wanted)?;
-        analyse(problem, prepared, campaign.sampling.skip_violation())
+        let mut prepared = simulator.prepare(wanted)?;
+        let responses = match problem.own_responses(unit.stream.index) {
+            Some(own) => own.to_vec(),
+            None => analyse(problem, prepared.as_mut())?,
+        };
+        Ok(Analyses {
+            ruled_out: ruled_out(problem, wanted, &responses),
+            design: prepared,
+            responses,
+        })
     });
     let Analyses {
         mut design,
@@ -264,12 +272,8 @@ struct Analyses<'a> {
     ruled_out: Option<String>,
 }
 
-/// Analyses a design in both states.
-fn analyse<'a>(
-    problem: &Problem,
-    mut design: Box<dyn PreparedDesign + 'a>,
-    skip_violation: Option<f64>,
-) -> Result<Analyses<'a>, NoAnswer> {
+/// The responses of a design, which is analysed in both states.
+fn analyse(problem: &Problem, design: &mut dyn PreparedDesign) -> Result<Vec<f64>, NoAnswer> {
     let nominal = design.analyse(State::Nominal)?;
     let baseline = design.analyse(State::Baseline)?;
     let responses = problem.responses_of(&nominal, &baseline);
@@ -281,16 +285,14 @@ fn analyse<'a>(
     problem
         .check_responses(&responses)
         .map_err(NoAnswer::Failed)?;
-    let ruled_out = skip_violation.and_then(|limit| ruled_out(problem, &baseline.criteria, limit));
-    Ok(Analyses {
-        design,
-        responses,
-        ruled_out,
-    })
+    Ok(responses)
 }
 
-/// The reason why a design with these criteria in its baseline state gets no samples.
-fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<String> {
+/// The reason why a design with these responses gets no samples.
+fn ruled_out(problem: &Problem, design: &Design, responses: &[f64]) -> Option<String> {
+    let limit = problem.campaign().sampling.skip_violation()?;
+    let baseline = problem.analysis(design, responses, State::Baseline)?;
+    let criteria = &baseline.criteria;
     let violation = problem.violation(criteria);
     // On the boundary the violation is zero, but the inequalities are strict. A violation that is
     // NaN is reported as such and not as a violated constraint.
@@ -305,6 +307,20 @@ fn ruled_out(problem: &Problem, criteria: &Criteria, limit: f64) -> Option<Strin
         .map(ToString::to_string)
         .collect();
     Some(format!("{RULED_OUT}: {}", broken.join(", ")))
+}
+
+/// The number of a design's first samples that no program is asked for: those that the campaign file has, or all of them
+/// if the responses that it has rule the design out.
+#[must_use]
+pub fn samples_not_asked(problem: &Problem, design: u64) -> u32 {
+    let is_out = problem.own_responses(design).is_some_and(|responses| {
+        let x = &problem.campaign().doe.points[design as usize];
+        ruled_out(problem, &problem.design(x, problem.base()), responses).is_some()
+    });
+    match is_out {
+        true => u32::MAX,
+        false => problem.own_samples(design).len() as u32,
+    }
 }
 
 /// The key of the random streams of a design's samples, apart from the sample, and the scheme by

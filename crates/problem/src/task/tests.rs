@@ -298,6 +298,37 @@ fn samples_of_the_campaign_file_take_the_place_of_the_programs_first_ones() {
     assert_eq!(verified, [1.0, 1.0]);
 }
 
+#[test]
+fn responses_of_the_campaign_file_take_the_place_of_the_programs_analysis() {
+    let text = include_str!("../../../../campaigns/cantilever/campaign.toml");
+    let own = "points = [[0.5, 1.0], [0.8, 4.0]]\nresponses = [[1.0, 9.0], [40.0, 0.1]]";
+    let text = text.replacen("[doe]\n", &format!("[doe]\n{own}\n"), 1);
+    let text = text.replacen("low = 1.0", "low = 0.5", 1);
+    let text = text.replacen("[sampling]\n", "[sampling]\nskip_violation = 0.5\n", 1);
+    let fake = Fake {
+        problem: Problem::new(crate::Campaign::parse("beam.toml", &text).unwrap()),
+        analysed_um: f64::NAN,
+        sample: || Ok(1.0),
+    };
+    let of = |index: u32, x: &[f64]| {
+        let source = Source::Design(fake.problem.design(x, fake.problem.base()));
+        let unit = unit(StreamId::design(index), 0..2);
+        match compute(&fake, &unit, &source).unwrap() {
+            Output::Design {
+                responses,
+                ruled_out,
+                samples,
+            } => (responses, ruled_out.is_some(), samples.len()),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(of(0, &[0.5, 1.0]), (vec![1.0, 9.0], false, 2));
+    assert_eq!(of(1, &[0.8, 4.0]), (vec![40.0, 0.1], true, 0));
+    assert_eq!(samples_not_asked(&fake.problem, 0), 0);
+    assert_eq!(samples_not_asked(&fake.problem, 1), u32::MAX);
+    assert_eq!(samples_not_asked(&fake.problem, 2), 0);
+}
+
 /// The failure of a machine names no design, and no failed sample stands for it.
 #[test]
 fn a_machine_that_cannot_simulate_is_told_from_a_design_that_fails() {

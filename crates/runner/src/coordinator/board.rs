@@ -13,8 +13,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use ledger::{History, Ledger, Options, StreamId, WorkerId};
-use problem::Campaign;
-use problem::task::Source;
+use problem::formulation::Problem;
+use problem::task::{Source, samples_not_asked};
 use stages::searching::Progress;
 use tokio::sync::Notify;
 use tokio::time::Instant;
@@ -68,14 +68,13 @@ pub struct Board {
 
 /// The limits of a campaign's ledger.
 #[must_use]
-pub fn options(campaign: &Campaign) -> Options {
+pub fn options(problem: &Problem) -> Options {
+    let campaign = problem.campaign();
+    let own = campaign.doe.points.len() as u64;
     Options {
         long_samples: campaign.is_external(),
-        known_samples: campaign
-            .doe
-            .samples
-            .iter()
-            .map(|of| of.len() as u32)
+        known_samples: (0..own)
+            .map(|design| samples_not_asked(problem, design))
             .collect(),
         max_failures: campaign.simulator.attempts(),
         retry_for: campaign.simulator.retry_for(),

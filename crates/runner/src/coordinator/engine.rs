@@ -7,7 +7,7 @@ use anyhow::Context as _;
 use ledger::{StreamId, Unit};
 use problem::formulation::Problem;
 use problem::optimise::RunResult;
-use problem::task::{Inputs, Run, Source};
+use problem::task::{Inputs, Run, Source, samples_not_asked};
 use problem::{Campaign, Design};
 use stages::derived;
 use stages::plan::{self, LocalStep, Next};
@@ -179,7 +179,7 @@ impl Engine {
     async fn name_control(&self, base: &Design) -> anyhow::Result<()> {
         let counts = self.store.sampled_counts().await?;
         // Known samples show nothing of a worker's simulator.
-        let known = |design: u64| self.problem.own_samples(design).len() as u64;
+        let known = |design: u64| u64::from(samples_not_asked(&self.problem, design));
         let sampled = counts
             .into_iter()
             .find(|(design, samples)| *samples > known(*design));

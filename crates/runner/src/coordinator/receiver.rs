@@ -147,11 +147,14 @@ impl<R: Recorder> Receiver<'_, R> {
         };
         let stream = read.unit.stream;
         let known = match stream.kind {
-            Kind::Design => self.problem.own_samples(stream.index).len() as u64,
+            Kind::Design => task::samples_not_asked(self.problem, stream.index),
             _ => 0,
         };
         let samples = &read.unit.samples;
-        let is_answer = read.is_refused || u64::from(samples.end) > known.max(samples.start.into());
+        let is_answer = match read.is_refused {
+            true => known < u32::MAX,
+            false => samples.end > known.max(samples.start),
+        };
         brought.has_answers |= read.rows.is_ok() && is_answer;
         if self.board.accept(&read.unit) == Verdict::Stale {
             debug!(job = %names::job_name(stream, &read.unit.samples), %worker, "a stale result");

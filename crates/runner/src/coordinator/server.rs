@@ -179,7 +179,7 @@ async fn run_open(
     }
     let options = ledger::Options {
         lease: plan.lease,
-        ..board::options(&plan.campaign)
+        ..board::options(problem)
     };
     let board = Arc::new(Board::new(options, rand::random()));
     board.remember(histories);

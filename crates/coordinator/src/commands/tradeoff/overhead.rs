@@ -260,7 +260,7 @@ async fn through(
         .map(|(design, x)| DesignRow::new(design, x.clone()))
         .collect();
     store.put_designs(&rows).await?;
-    let board = Arc::new(Board::new(board::options(campaign), 1));
+    let board = Arc::new(Board::new(board::options(problem), 1));
     let service = Service {
         board: Arc::clone(&board),
         recorder: StoreRecorder::new(&store)?,
