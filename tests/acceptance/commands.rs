@@ -69,11 +69,11 @@ fn simulate_prints_figure_7() {
         (
             "/iso_6336/root_safety/0",
             "/iso_6336/root_stress_mpa/0",
-            980.0,
+            860.0,
         ),
         (
             "/iso_6336/flank_safety/0",
-            "/iso_6336/contact_stress_mpa/0",
+            "/iso_6336/flank_stress_mpa/0",
             1550.0,
         ),
     ] {
@@ -156,7 +156,7 @@ fn simulate_names_every_broken_constraint() {
             "tool_dedendum = [1.00, 1.09]",
             "tool_dedendum = [1.60, 1.09]",
         )
-        .replace("hertz_limit_mpa = 1550.0", "hertz_limit_mpa = 500.0");
+        .replace("contact_limit_mpa = 1550.0", "contact_limit_mpa = 500.0");
     sandbox.write("pair.toml", &pressed);
     let output = sandbox.coordinator(&["simulate", "--pair", "pair.toml"]);
     assert_code(&output, 0);

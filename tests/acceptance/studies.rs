@@ -109,7 +109,8 @@ fn a_sweep_is_continued_after_a_kill_and_repeats_nothing() {
 #[test]
 fn teeth_for_which_nothing_is_feasible_are_said_so() {
     let sandbox = Sandbox::new();
-    let text = small_campaign(20, 30).replacen("yield_mpa = 980.0", "yield_mpa = 1.0", 1);
+    let text =
+        small_campaign(20, 30).replacen("contact_limit_mpa = 1550.0", "contact_limit_mpa = 1.0", 1);
     let file = sandbox.write("weak.toml", &text);
     let arguments = [
         "sweep",

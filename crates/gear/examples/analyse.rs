@@ -51,7 +51,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         pair.pitch_stiffness()
     );
 
-    println!("ISO 6336, for comparison: {:#?}", rating::rate(&pair, 1.0));
+    println!(
+        "ISO 6336, for comparison: {:#?}",
+        rating::rate(&pair, 1.0, &rating::Strength::default())
+    );
 
     let (unworn, worn) = (pair.unworn(), pair.archard(&WEAR));
     println!("{:>8} {:>10}", "phase", "STE µm");

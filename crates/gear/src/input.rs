@@ -200,10 +200,6 @@ pub struct Material {
     pub youngs_modulus_mpa: f64,
     /// ν.
     pub poisson_ratio: f64,
-    /// Yield strength Re, MPa. Limits the root stress; not used by the simulation itself.
-    pub yield_mpa: f64,
-    /// Highest allowed Hertz pressure, MPa. Not used by the simulation itself.
-    pub hertz_limit_mpa: f64,
 }
 
 /// One gear pair under load. Arrays are [pinion, gear].
@@ -355,17 +351,19 @@ impl PairInput {
 impl Material {
     /// Checks that every number is finite and inside the domain of the model.
     fn validate(&self) -> Result<(), InputError> {
-        let stress =
-            |field, value: f64| check_range(field, value, 1e-3..=1e9, "from 1e-3 to 1e9 MPa");
-        stress("youngs_modulus_mpa", self.youngs_modulus_mpa)?;
+        let modulus = self.youngs_modulus_mpa;
+        check_range(
+            "youngs_modulus_mpa",
+            modulus,
+            1e-3..=1e9,
+            "from 1e-3 to 1e9 MPa",
+        )?;
         check_range(
             "poisson_ratio",
             self.poisson_ratio,
             0.0..=0.499,
             "between 0 and 0.499",
-        )?;
-        stress("yield_mpa", self.yield_mpa)?;
-        stress("hertz_limit_mpa", self.hertz_limit_mpa)
+        )
     }
 }
 

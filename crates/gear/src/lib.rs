@@ -73,8 +73,6 @@
 //!     material: Material {
 //!         youngs_modulus_mpa: 206e3,
 //!         poisson_ratio: 0.3,
-//!         yield_mpa: 900.0,
-//!         hertz_limit_mpa: 1500.0,
 //!     },
 //! };
 //! let bare = Pair::new(&input, &Discretisation::default())?;

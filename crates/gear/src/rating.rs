@@ -1,21 +1,23 @@
-//! Nominal figures of ISO 6336 and common inspection dimensions, to set beside the beam model's.
+//! The load capacity of ISO 6336 and common inspection dimensions, to set beside the beam model's.
 //!
-//! The simulation does not depend on this module. It covers the figures that are compared first: the
-//! form and stress correction factors Y_F and Y_S with the nominal root stress σ_F0, the factors of
-//! the nominal contact stress σ_H0, the mesh stiffness c′ and c_γ, the part of the path that form
+//! The simulation does not depend on this module. It covers the stresses of roots and flanks with what follows from the
+//! geometry, the safeties S_F and S_H, the mesh stiffness c′ and c_γ, the part of the path that form
 //! circles leave, and the dimensions that a gear is measured by.
 //!
-//! Left out, and needed for a rating: application, dynamic and distribution factors (K), life,
-//! lubrication and size factors, permissible stresses; rims (Y_B = 1) and the deep-tooth factor
-//! (Y_DT = 1).
+//! Factors that do not follow from the geometry are inputs ([`Strength`]): application, dynamics, distribution of the
+//! load, life, lubricant, roughness, size. Left out: rims (Y_B = 1), the deep-tooth factor (Y_DT = 1), and the factor f_ZCa
+//! of the flank, which the edition of 2019 adds to Z_B and Z_D for helical gears without profile modification.
 //!
 //! References: ISO 6336-1:2006 (stiffness, method B), ISO 6336-2:2006 (contact), ISO 6336-3:2006
-//! (root, method B), ISO 21771:2007 (geometry and inspection dimensions).
+//! and 2019 (root, method B), ISO 21771:2007 (geometry and inspection dimensions).
 
 use std::f64::consts::PI;
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::Geometry;
-use crate::input::Member;
+use crate::input::{InputError, Member};
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::root_stress::stress_correction;
 use crate::unloaded::UnloadedPair;
@@ -24,6 +26,108 @@ use crate::unloaded::UnloadedPair;
 const STEEL: f64 = 206e3;
 /// Line load F_t/b, N/mm, below which ISO 6336-1 lets the stiffness fall in proportion to it.
 const FULL_STIFFNESS_LOAD: f64 = 100.0;
+
+/// The edition of ISO 6336-3 by which roots are rated, 2006 or 2019.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "u32", into = "u32")]
+#[schemars(with = "u32", extend("enum" = [2006, 2019]))]
+pub enum Edition {
+    /// Helical teeth are loaded as spur teeth are.
+    Of2006,
+    /// The load of helical teeth is spread over several, and bends them along an inclined line: Y_F has the factor f_ε, and
+    /// Y_β the factor 1/cos³ β.
+    #[default]
+    Of2019,
+}
+
+impl TryFrom<u32> for Edition {
+    type Error = InputError;
+
+    fn try_from(year: u32) -> Result<Self, InputError> {
+        match year {
+            2006 => Ok(Self::Of2006),
+            2019 => Ok(Self::Of2019),
+            _ => Err(InputError {
+                field: "edition",
+                value: f64::from(year),
+                expected: "2006 or 2019",
+            }),
+        }
+    }
+}
+
+impl From<Edition> for u32 {
+    fn from(edition: Edition) -> Self {
+        match edition {
+            Edition::Of2006 => 2006,
+            Edition::Of2019 => 2019,
+        }
+    }
+}
+
+/// What a rating takes besides geometry and load. Arrays are [pinion, gear].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Strength {
+    /// The edition for the roots.
+    pub edition: Edition,
+    /// Application factor K_A.
+    pub application: f64,
+    /// Dynamic factor K_v.
+    pub dynamic: f64,
+    /// Face load factor of the flanks K_Hβ, from which that of the roots follows.
+    pub face_load: f64,
+    /// Transverse load factor K_Hα = K_Fα.
+    pub transverse_load: f64,
+    /// σ_FG/σ_FE = Y_NT Y_δrelT Y_RrelT Y_X: life, notch sensitivity, surface, size.
+    pub root_factor: [f64; 2],
+    /// σ_HG/σ_Hlim = Z_NT Z_L Z_v Z_R Z_W Z_X: life, lubricant, speed, roughness, work hardening, size.
+    pub flank_factor: [f64; 2],
+    /// Allowable stress number of the roots σ_FE = σ_Flim Y_ST, MPa, if it is known.
+    pub bending_limit_mpa: Option<f64>,
+    /// Allowable stress number of the flanks σ_Hlim, MPa.
+    pub contact_limit_mpa: f64,
+}
+
+impl Default for Strength {
+    /// All factors 1, and no stress allowed.
+    fn default() -> Self {
+        Self {
+            edition: Edition::default(),
+            application: 1.0,
+            dynamic: 1.0,
+            face_load: 1.0,
+            transverse_load: 1.0,
+            root_factor: [1.0; 2],
+            flank_factor: [1.0; 2],
+            bending_limit_mpa: None,
+            contact_limit_mpa: 0.0,
+        }
+    }
+}
+
+impl Strength {
+    /// Safeties S_F = σ_FG/σ_F of roots with these stresses σ_F, MPa; `None` if the allowable stress is not known.
+    #[must_use]
+    pub fn root_safety(&self, stress_mpa: [f64; 2]) -> Option<[f64; 2]> {
+        let limit = self.bending_limit_mpa?;
+        Some([0, 1].map(|i| limit * self.root_factor[i] / stress_mpa[i]))
+    }
+
+    /// Safeties S_H = σ_HG/σ_H of flanks with these stresses σ_H, MPa.
+    #[must_use]
+    pub fn flank_safety(&self, stress_mpa: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| self.contact_limit_mpa * self.flank_factor[i] / stress_mpa[i])
+    }
+
+    /// K_Fβ = K_Hβ^N_F with N_F = 1/(1 + h/b + (h/b)²) (ISO 6336-1, method C), where h is the greater tooth height and h/b at
+    /// most 1/3.
+    fn root_face_load(&self, geometry: &Geometry) -> f64 {
+        let heights = [0, 1].map(|i| geometry.r_a[i] - geometry.r_f[i]);
+        let slenderness = (heights[0].max(heights[1]) / geometry.face_width).min(1.0 / 3.0);
+        let exponent = 1.0 / (1.0 + slenderness + slenderness * slenderness);
+        self.face_load.powf(exponent)
+    }
+}
 
 /// Nominal root stress of one gear, load at the outer point of single pair tooth contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,12 +140,12 @@ pub struct RootRating {
     pub chord: f64,
     /// Fillet radius ρ_F in the 30° section, mm.
     pub fillet_radius: f64,
-    /// Form factor Y_F = (6 h_Fe/m) cos α_Fen / ((s_Fn/m)² cos α_n).
+    /// Form factor Y_F = (6 h_Fe/m) cos α_Fen / ((s_Fn/m)² cos α_n), in the edition of 2019 times f_ε.
     pub y_f: f64,
     /// Stress correction factor Y_S = (1.2 + 0.13 L) q_s^(1/(1.21 + 2.3/L)), L = s_Fn/h_Fe and
     /// q_s = s_Fn/(2 ρ_F); at least 1.
     pub y_s: f64,
-    /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°.
+    /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°; in the edition of 2019 over cos³ β.
     pub y_beta: f64,
     /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa.
     pub stress_mpa: f64,
@@ -82,11 +186,10 @@ pub struct Rating {
     pub root: [RootRating; 2],
     /// Mesh stiffness.
     pub stiffness: MeshStiffness,
-    /// Nominal root safeties S_F: the material's yield stress over σ_F0. No permissible stress of
-    /// ISO 6336-5 is looked up.
-    pub root_safety: [f64; 2],
-    /// Nominal flank safeties S_H: the material's permissible pressure over Z_B σ_H0 and Z_D σ_H0.
-    pub flank_safety: [f64; 2],
+    /// Root stresses σ_F = σ_F0 K_A K_v K_Fβ K_Fα, MPa.
+    pub root_stress_mpa: [f64; 2],
+    /// Contact stresses σ_H = Z_B σ_H0 √(K_A K_v K_Hβ K_Hα), with Z_D for the gear, MPa.
+    pub flank_stress_mpa: [f64; 2],
     /// Whether 1 ≤ ε_α < 2, for which these formulas are meant. Below, loads are taken at the tip and
     /// Z_B = Z_D = 1.
     pub in_range: bool,
@@ -94,7 +197,7 @@ pub struct Rating {
 
 /// Rates a pair. `blank_factor` is C_R of ISO 6336-1, 1 for a solid blank.
 #[must_use]
-pub fn rate(pair: &UnloadedPair, blank_factor: f64) -> Rating {
+pub fn rate(pair: &UnloadedPair, blank_factor: f64, strength: &Strength) -> Rating {
     let (geometry, input) = (pair.geometry(), pair.input());
     let g = geometry;
     let material = &input.material;
@@ -116,7 +219,10 @@ pub fn rate(pair: &UnloadedPair, blank_factor: f64) -> Rating {
         * z_beta
         * (line_load / (2.0 * g.r[0]) * (ratio + 1.0) / ratio).sqrt();
     let z_single = single_pair_factors(g);
-    let root = Member::BOTH.map(|member| root(pair, member, line_load));
+    let root = Member::BOTH.map(|member| root(pair, member, line_load, strength.edition));
+    let common = strength.application * strength.dynamic * strength.transverse_load;
+    let of_roots = common * strength.root_face_load(g);
+    let of_flanks = (common * strength.face_load).sqrt();
     Rating {
         tangential_force,
         z_h,
@@ -126,8 +232,8 @@ pub fn rate(pair: &UnloadedPair, blank_factor: f64) -> Rating {
         z_single,
         contact_stress_mpa,
         root,
-        root_safety: root.map(|root| material.yield_mpa / root.stress_mpa),
-        flank_safety: z_single.map(|z| material.hertz_limit_mpa / (z * contact_stress_mpa)),
+        root_stress_mpa: root.map(|root| root.stress_mpa * of_roots),
+        flank_stress_mpa: z_single.map(|z| z * contact_stress_mpa * of_flanks),
         stiffness: stiffness(pair, blank_factor, line_load),
         in_range: (1.0..2.0).contains(&g.eps_alpha),
     }
@@ -147,7 +253,7 @@ fn single_pair_factors(g: &Geometry) -> [f64; 2] {
     })
 }
 
-fn root(pair: &UnloadedPair, member: Member, line_load: f64) -> RootRating {
+fn root(pair: &UnloadedPair, member: Member, line_load: f64, edition: Edition) -> RootRating {
     let g = pair.geometry();
     let i = member.index();
     let tooth = &pair.teeth[i];
@@ -155,15 +261,22 @@ fn root(pair: &UnloadedPair, member: Member, line_load: f64) -> RootRating {
     let section = tooth.critical_section();
     let cos_bb = g.beta_b.cos();
     // In the virtual section the single pair region is ε_αn − 1 base pitches below the tip.
-    let back = (g.eps_alpha / (cos_bb * cos_bb) - 1.0).max(0.0) * PI * m * g.alpha_n.cos();
+    let eps_alpha_n = g.eps_alpha / (cos_bb * cos_bb);
+    let back = (eps_alpha_n - 1.0).max(0.0) * PI * m * g.alpha_n.cos();
     let load = tooth.load_below_tip(g.r_na[i], back);
     let chord = section.chord;
     // A load line through or below the section does not bend it.
     let arm = (load.y_l - section.y).max(1e-6 * chord);
-    let y_f = 6.0 * arm / m * load.cos_alpha_f / ((chord / m) * (chord / m) * g.alpha_n.cos());
+    let overlap = g.eps_beta.min(1.0);
+    let (f_epsilon, inclined) = match edition {
+        Edition::Of2006 => (1.0, 1.0),
+        Edition::Of2019 => (load_sharing(eps_alpha_n, overlap), g.beta.cos().powi(-3)),
+    };
+    let y_f = f_epsilon * 6.0 * arm / m * load.cos_alpha_f
+        / ((chord / m) * (chord / m) * g.alpha_n.cos());
     let y_s = stress_correction(chord, arm, section.fillet_radius);
     let degrees = g.beta.to_degrees().min(30.0);
-    let y_beta = 1.0 - g.eps_beta.min(1.0) * degrees / 120.0;
+    let y_beta = (1.0 - overlap * degrees / 120.0) * inclined;
     RootRating {
         load_angle: load.cos_alpha_f.acos(),
         arm,
@@ -173,6 +286,20 @@ fn root(pair: &UnloadedPair, member: Member, line_load: f64) -> RootRating {
         y_s,
         y_beta,
         stress_mpa: line_load / m * y_f * y_s * y_beta,
+    }
+}
+
+/// The load distribution factor f_ε of ISO 6336-3:2019, for the contact ratio of the virtual spur gears and an overlap ratio
+/// of at most 1.
+fn load_sharing(eps_alpha_n: f64, overlap: f64) -> f64 {
+    if eps_alpha_n < 1.0 {
+        return 1.0;
+    }
+    match (overlap == 0.0, eps_alpha_n < 2.0) {
+        (true, true) => 1.0,
+        (true, false) => 0.7,
+        (false, true) => (1.0 - overlap + overlap / eps_alpha_n).sqrt(),
+        (false, false) => (0.5 * (1.0 - overlap) + overlap / eps_alpha_n).sqrt(),
     }
 }
 

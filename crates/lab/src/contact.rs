@@ -175,8 +175,6 @@ impl Case {
                 material: Material {
                     youngs_modulus_mpa: YOUNGS_MODULUS_MPA,
                     poisson_ratio: POISSON_RATIO,
-                    yield_mpa: 1000.0,
-                    hertz_limit_mpa: 1500.0,
                 },
             },
             corrections,

@@ -31,6 +31,7 @@ mod sampling;
 mod sections;
 mod settings;
 mod simulator;
+mod strength;
 mod validate;
 mod variant;
 mod wear;
@@ -49,7 +50,7 @@ pub(crate) use form::Form;
 pub(crate) use formula::Formula;
 pub use gear_sections::{GearSections, Pair, Penalty, Report};
 pub use limits::GearLimits;
-pub use material::{Grade, Material};
+pub use material::{Grade, Material, Treatment};
 pub use measure::SIGNIFICANCE;
 pub use objective::{Aim, MeasureName, Objective};
 pub(crate) use pair::gear_size;
@@ -61,6 +62,7 @@ pub use sampling::{ControlVariate, EstimatorRule, FailedSamples, Sampling, WearC
 pub use sections::{Load, Manufacture};
 pub use settings::{Doe, Optimise, TableRows, Verify};
 pub use simulator::{SimulatorKind, SimulatorSection, UmBridgeSection};
+pub use strength::Strength;
 pub(crate) use validate::Source;
 
 /// The errors of campaign and pair files.

@@ -82,7 +82,7 @@ pub struct Figures {
     hertz_pressure_mpa: f64,
     root_stress_mpa: [f64; 2],
     notch_parameter_in_range: [bool; 2],
-    iso_6336: NominalRating,
+    iso_6336: Rated,
     pair_stiffness_n_per_mm_um: f64,
     ste_um: Curve,
     delta_ste_um: f64,
@@ -138,31 +138,44 @@ impl Scatter {
     }
 }
 
-/// Nominal stresses by ISO 6336, method B with all application, dynamic and distribution factors 1, and the
-/// limits of the material over them; see [`gear::rating`].
+/// Stresses and safeties by ISO 6336, method B, with the factors of the file's `[strength]`; see [`gear::rating`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct NominalRating {
+struct Rated {
+    /// Edition of ISO 6336-3.
+    edition: rating::Edition,
+    /// K_A, K_v, K_Hβ and K_Hα.
+    load_factors: [f64; 4],
     /// Whether the transverse contact ratio is from 1 to 2, for which the formulas are meant.
     in_range: bool,
     /// σ_F0.
+    nominal_root_stress_mpa: [f64; 2],
+    /// σ_F.
     root_stress_mpa: [f64; 2],
-    /// σ_H0 with the single pair tooth contact factor.
-    contact_stress_mpa: [f64; 2],
-    /// S_F, the material's yield stress over σ_F0.
-    root_safety: [f64; 2],
-    /// S_H, the material's permissible pressure over the contact stress.
+    /// σ_H.
+    flank_stress_mpa: [f64; 2],
+    /// S_F, if the material's σ_FE is known.
+    root_safety: Option<[f64; 2]>,
+    /// S_H.
     flank_safety: [f64; 2],
 }
 
-impl NominalRating {
-    fn of(pair: &Pair) -> Self {
-        let rating = rating::rate(pair, 1.0);
+impl Rated {
+    fn of(pair: &Pair, strength: &rating::Strength) -> Self {
+        let rating = rating::rate(pair, 1.0, strength);
         Self {
+            edition: strength.edition,
+            load_factors: [
+                strength.application,
+                strength.dynamic,
+                strength.face_load,
+                strength.transverse_load,
+            ],
             in_range: rating.in_range,
-            root_stress_mpa: rating.root.map(|root| root.stress_mpa),
-            contact_stress_mpa: rating.z_single.map(|z| z * rating.contact_stress_mpa),
-            root_safety: rating.root_safety,
-            flank_safety: rating.flank_safety,
+            nominal_root_stress_mpa: rating.root.map(|root| root.stress_mpa),
+            root_stress_mpa: rating.root_stress_mpa,
+            flank_stress_mpa: rating.flank_stress_mpa,
+            root_safety: strength.root_safety(rating.root_stress_mpa),
+            flank_safety: strength.flank_safety(rating.flank_stress_mpa),
         }
     }
 }
@@ -211,8 +224,9 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         Err(error) => return Err(error.into()),
     };
     let figures = figures(&pair, file, request)?;
-    let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, true);
-    let constraints = gears::constraints(&file.limits(), &file.material, &criteria);
+    let strength = file.strength.to_gear(&file.material);
+    let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&strength));
+    let constraints = gears::constraints(&file.limits(), &strength, &criteria);
     Ok(Simulation {
         schema_version: SCHEMA_VERSION,
         simulable: true,
@@ -298,7 +312,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
         notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
-        iso_6336: NominalRating::of(pair),
+        iso_6336: Rated::of(pair, &file.strength.to_gear(&file.material)),
         pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
         ste_um: Curve {
             phase: analysis.phases,

@@ -157,6 +157,10 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> Result<u8,
 pub(super) async fn pareto(arguments: arguments::Pareto) -> Result<u8, ProgramError> {
     let (store, problem) = finished_campaign(&arguments.finished).await?;
     let (against, refine) = (arguments.against, arguments.refine);
+    if against.limit(&problem).is_infinite() {
+        let why = "--against root-stress takes a campaign that limits it: [constraints] root_stress_max_mpa";
+        return Err(usage(why.to_owned()).into());
+    }
     if refine > 0 {
         require_built_in(problem.campaign())
             .map_err(|error| usage(format!("{error}, or leave out --refine")))?;

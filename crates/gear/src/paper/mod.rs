@@ -11,8 +11,6 @@ use crate::input::{Kernel, Material, PairInput, Size, TipRule, ToothModel, Wear,
 pub const MATERIAL: Material = Material {
     youngs_modulus_mpa: 200e3,
     poisson_ratio: 0.29,
-    yield_mpa: 980.0,
-    hertz_limit_mpa: 1550.0,
 };
 
 /// Depth of [`WEAR`] at its deepest place, µm on each flank.

@@ -216,8 +216,6 @@ pub(crate) fn input(rng: &mut StreamRng) -> PairInput {
         material: Material {
             youngs_modulus_mpa: log_uniform(rng, 1.0, 1e6),
             poisson_ratio: ranged(rng, 0.0, 0.499),
-            yield_mpa: 980.0,
-            hertz_limit_mpa: 1550.0,
         },
     }
 }
@@ -297,7 +295,7 @@ pub(crate) fn check(pair: &Pair, wear: &Wear, rng: &mut StreamRng) -> Result<(),
         fine("notch", &[stress.notch_factor], 1.0)?;
     }
     fine("stiffness", &[pair.pitch_stiffness()], f64::MIN_POSITIVE)?;
-    let rating = rating::rate(pair, 1.0);
+    let rating = rating::rate(pair, 1.0, &rating::Strength::default());
     for root in rating.root {
         fine(
             "rated root",

@@ -34,7 +34,6 @@ fn input(case: &Value) -> PairInput {
         material: Material {
             youngs_modulus_mpa: case["E"].as_f64().unwrap_or(200e3),
             poisson_ratio: case["nu"].as_f64().unwrap_or(0.29),
-            ..plain().material
         },
         ..plain()
     }
@@ -43,7 +42,23 @@ fn input(case: &Value) -> PairInput {
 /// A quantity of the pair by the symbol the sources print it under.
 fn quantity(pair: &Pair, case: &Value, symbol: &str) -> f64 {
     let g = pair.geometry();
-    let rating = rating::rate(pair, case["C_R"].as_f64().unwrap_or(1.0));
+    let factor = |key: &str| case[key].as_f64().unwrap_or(1.0);
+    let both = |key: &str| [0, 1].map(|i| case[key][i].as_f64().unwrap_or(1.0));
+    let strength = rating::Strength {
+        edition: rating::Edition::Of2006,
+        application: factor("K_A"),
+        dynamic: factor("K_v"),
+        face_load: factor("K_Hbeta"),
+        transverse_load: factor("K_Halpha"),
+        root_factor: both("sigma_FG_over_sigma_FE"),
+        flank_factor: both("sigma_HG_over_sigma_Hlim"),
+        bending_limit_mpa: case["sigma_FE"].as_f64(),
+        contact_limit_mpa: factor("sigma_Hlim"),
+    };
+    let rating = rating::rate(pair, factor("C_R"), &strength);
+    let root_safety = strength.root_safety(rating.root_stress_mpa);
+    let root_safety = root_safety.unwrap_or([f64::NAN; 2]);
+    let flank_safety = strength.flank_safety(rating.flank_stress_mpa);
     let root = &rating.root;
     let r_y = g.r[0] * case["d_y"].as_f64().unwrap_or(1.0);
     let (at_reference, at_y) = (
@@ -150,6 +165,14 @@ fn quantity(pair: &Pair, case: &Value, symbol: &str) -> f64 {
         "Y_S2" => root[1].y_s,
         "sigma_F01" => root[0].stress_mpa,
         "sigma_F02" => root[1].stress_mpa,
+        "Y_beta" => root[0].y_beta,
+        "sigma_F1" => rating.root_stress_mpa[0],
+        "sigma_F2" => rating.root_stress_mpa[1],
+        "sigma_H" => rating.flank_stress_mpa[0],
+        "S_F1" => root_safety[0],
+        "S_F2" => root_safety[1],
+        "S_H1" => flank_safety[0],
+        "S_H2" => flank_safety[1],
         "F_t" => rating.tangential_force,
         "Z_H" => rating.z_h,
         "Z_eps" => rating.z_epsilon,

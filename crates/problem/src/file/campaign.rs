@@ -289,6 +289,14 @@ impl Campaign {
                 "doe.samples has more than {most} samples of {unused} designs: sampling takes the first {most}"
             ));
         }
+        if let Some(sections) = self.gears()
+            && !sections.constraints.limit_roots()
+        {
+            warnings.push(
+                "[constraints] limits no stress of the roots: root_safety_min is the smallest S_F of ISO 6336"
+                    .to_owned(),
+            );
+        }
         warnings.extend(self.sampling.doubt(&self.measure_name()));
         warnings.extend(self.warning_of_normality());
         let (verified, needed) = (self.verify.first(), self.sampling.verified_min_samples());

@@ -10,8 +10,8 @@ use super::{
     Bounds, Budget, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe,
     Enrichment, ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind,
     Kriging, Load, Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection,
-    Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify,
-    wear,
+    Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, Strength, VariableSection,
+    Verify, wear,
 };
 use crate::approach::Approach;
 
@@ -61,6 +61,8 @@ pub(crate) struct GearFile {
     #[serde(with = "wear")]
     #[schemars(with = "wear::WearSection")]
     wear: gear::Wear,
+    #[serde(default, skip_serializing_if = "Strength::is_default")]
+    strength: Strength,
     manufacture: Option<Manufacture>,
     bounds: Bounds,
     frozen: Option<FrozenSection>,
@@ -196,6 +198,7 @@ impl From<GearFile> for Campaign {
             load: file.load,
             material: file.material,
             wear: file.wear,
+            strength: file.strength,
             manufacture: file.manufacture,
             bounds: file.bounds,
             frozen: file.frozen,
@@ -281,6 +284,7 @@ impl From<Campaign> for Form {
                 load: sections.load,
                 material: sections.material,
                 wear: sections.wear,
+                strength: sections.strength,
                 manufacture: sections.manufacture,
                 bounds: sections.bounds,
                 frozen: sections.frozen,

@@ -7,7 +7,8 @@ use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
 use super::validate::{InvalidValue, Source};
 use super::{
-    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, wear,
+    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Strength, accuracy,
+    wear,
 };
 
 /// The sections that only gear campaigns have.
@@ -21,6 +22,8 @@ pub struct GearSections {
     pub material: Material,
     /// `[wear]`
     pub wear: gear::Wear,
+    /// `[strength]`
+    pub strength: Strength,
     /// `[manufacture]`
     pub manufacture: Option<Manufacture>,
     /// `[bounds]`
@@ -110,6 +113,8 @@ impl GearSections {
         self.pair.validate(source)?;
         self.load.validate(source)?;
         self.material.validate(source)?;
+        self.strength.validate(source)?;
+        self.constraints.needs_of(&self.material, source)?;
         wear::validate(&self.wear, source)?;
         if let Some(manufacture) = &self.manufacture {
             manufacture.validate(source, self.pair.tooth_model)?;

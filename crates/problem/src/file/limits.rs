@@ -18,9 +18,10 @@ pub struct GearLimits {
     /// Upper limit of the largest absolute specific sliding, exclusive.
     pub specific_sliding_max: Option<f64>,
     /// Upper limit of the largest contact pressure in MPa, exclusive. The material's
-    /// `hertz_limit_mpa` if absent.
+    /// `contact_limit_mpa` if absent.
     pub hertz_pressure_max_mpa: Option<f64>,
-    /// Upper limit of the root stresses in MPa, exclusive. The material's `yield_mpa` if absent.
+    /// Upper limit of the 2009 paper's root stresses in MPa, exclusive: the whole load on the tip of one tooth. For the
+    /// strength by ISO 6336 see `root_safety_min`.
     pub root_stress_max_mpa: Option<f64>,
     /// Smallest clearance between a tip and the mate's root, in normal modules. Zero if absent.
     pub tip_clearance_min_modules: Option<f64>,
@@ -29,9 +30,9 @@ pub struct GearLimits {
     /// Smallest length of involute between the fillet and the active flank, in mm along the path of
     /// contact. Zero if absent.
     pub flank_margin_min_mm: Option<f64>,
-    /// Smallest nominal root safety S_F of ISO 6336.
+    /// Smallest safety of the roots S_F by ISO 6336-3, with the factors of `[strength]`.
     pub root_safety_min: Option<f64>,
-    /// Smallest nominal flank safety S_H of ISO 6336.
+    /// Smallest safety of the flanks S_H by ISO 6336-2, with the factors of `[strength]`.
     pub flank_safety_min: Option<f64>,
     /// Smallest normal module, mm.
     pub normal_module_min_mm: Option<f64>,
@@ -59,17 +60,31 @@ impl GearLimits {
         .any(Option::is_some)
     }
 
-    /// The upper limit of the contact pressure, in MPa.
+    /// The upper limit of the contact pressure of a material with this σ_Hlim, in MPa.
     #[must_use]
-    pub fn hertz_pressure_max(&self, material: &Material) -> f64 {
-        self.hertz_pressure_max_mpa
-            .unwrap_or(material.hertz_limit_mpa)
+    pub fn hertz_pressure_max(&self, contact_limit_mpa: f64) -> f64 {
+        self.hertz_pressure_max_mpa.unwrap_or(contact_limit_mpa)
     }
 
-    /// The upper limit of the root stresses, in MPa.
+    /// Whether anything limits the stress of the roots.
     #[must_use]
-    pub fn root_stress_max(&self, material: &Material) -> f64 {
-        self.root_stress_max_mpa.unwrap_or(material.yield_mpa)
+    pub const fn limit_roots(&self) -> bool {
+        self.root_safety_min.is_some() || self.root_stress_max_mpa.is_some()
+    }
+
+    /// Requires the material's numbers that the limits are compared with.
+    pub(super) fn needs_of(
+        &self,
+        material: &Material,
+        source: Source<'_>,
+    ) -> Result<(), FileError> {
+        match (self.root_safety_min, material.bending_limit_mpa) {
+            (Some(_), None) => Err(source.missing(
+                "material.bending_limit_mpa",
+                "given (σ_FE of ISO 6336-5), because constraints.root_safety_min compares the roots with it",
+            )),
+            _ => Ok(()),
+        }
     }
 
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {

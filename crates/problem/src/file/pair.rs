@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corrections::PairCorrections;
 use super::validate::Source;
-use super::{FileError, GearLimits, Load, Manufacture, Material, wear};
+use super::{FileError, GearLimits, Load, Manufacture, Material, Strength, wear};
 
 #[cfg(test)]
 mod tests;
@@ -21,6 +21,9 @@ pub struct PairFile {
     pub load: Load,
     /// `[material]`
     pub material: Material,
+    /// `[strength]`, optional. Without it every factor of ISO 6336 that does not follow from the geometry is 1.
+    #[serde(default, skip_serializing_if = "Strength::is_default")]
+    pub strength: Strength,
     /// `[wear]`, optional.
     #[serde(default = "wear::default", with = "wear")]
     #[schemars(with = "wear::WearSection")]
@@ -124,8 +127,10 @@ impl PairFile {
         }
         self.load.validate(source)?;
         self.material.validate(source)?;
+        self.strength.validate(source)?;
         wear::validate(&self.wear, source)?;
         if let Some(constraints) = &self.constraints {
+            constraints.needs_of(&self.material, source)?;
             constraints.validate(source)?;
         }
         if let Some(manufacture) = &self.manufacture {

@@ -161,15 +161,17 @@ impl Gears {
         pair: &gear::UnloadedPair,
         hertz_pressure_mpa: f64,
     ) -> GearCriteria {
-        let detailed = self.sections.constraints.need_details();
-        GearCriteria::of_pair(pair, hertz_pressure_mpa, detailed)
+        let sections = &self.sections;
+        let is_detailed = sections.constraints.need_details();
+        let strength = is_detailed.then(|| sections.strength.to_gear(&sections.material));
+        GearCriteria::of_pair(pair, hertz_pressure_mpa, strength.as_ref())
     }
 
     /// All constraints, with their signed distance from the limit.
     pub(super) fn constraints(&self, criteria: &GearCriteria) -> Vec<Constraint> {
         constraints(
             &self.sections.constraints,
-            &self.sections.material,
+            &self.sections.strength.to_gear(&self.sections.material),
             criteria,
         )
     }

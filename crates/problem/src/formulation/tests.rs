@@ -275,7 +275,7 @@ fn what_bounds_cannot_be_is_refused_with_its_key() {
 fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
     let bounds = format!("{HOB}profile_shift = [-0.2, 0.9]");
     let limits =
-        "tip_clearance_min_modules = 0.15\ntip_land_min_modules = 0.4\nroot_safety_min = 1.0";
+        "tip_clearance_min_modules = 0.15\ntip_land_min_modules = 0.4\nflank_safety_min = 0.1";
     let limited = bounded("normal_module_mm = 5.0", &bounds, limits).unwrap();
     let plain = bounded("normal_module_mm = 5.0", &bounds, "").unwrap();
     assert_eq!(plain.criteria().len() + 8, limited.criteria().len());

@@ -96,12 +96,12 @@ fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
         .name
         .map_or_else(String::new, |name| format!("{name}: "));
     let (e, nu) = (material.youngs_modulus_gpa, material.poisson_ratio);
-    let (yields, pressure) = (material.yield_mpa, material.hertz_limit_mpa);
+    let bending = material.bending_limit_mpa;
+    let bending = bending.map_or_else(String::new, |limit| format!(", σ_FE {limit} MPa"));
+    let pressure = material.contact_limit_mpa;
     add(
         "Material",
-        format!(
-            "{name}E {e} GPa, ν {nu}, yield stress {yields} MPa, permissible pressure {pressure} MPa"
-        ),
+        format!("{name}E {e} GPa, ν {nu}, σ_Hlim {pressure} MPa{bending}"),
     );
 }
 

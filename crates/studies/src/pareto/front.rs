@@ -50,15 +50,16 @@ impl Objective {
         }
     }
 
-    /// The campaign's limit, MPa.
-    pub(super) fn limit(self, problem: &Problem) -> f64 {
+    /// The campaign's limit, MPa; infinite if it has none.
+    #[must_use]
+    pub fn limit(self, problem: &Problem) -> f64 {
         let Some(sections) = problem.campaign().gears() else {
             return f64::NAN;
         };
         let (limits, material) = (&sections.constraints, &sections.material);
         match self {
-            Self::Pressure => limits.hertz_pressure_max(material),
-            Self::RootStress => limits.root_stress_max(material),
+            Self::Pressure => limits.hertz_pressure_max(material.contact_limit_mpa),
+            Self::RootStress => limits.root_stress_max_mpa.unwrap_or(f64::INFINITY),
         }
     }
 

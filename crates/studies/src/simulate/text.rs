@@ -94,22 +94,40 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         format!("{:.1} MPa", figures.hertz_pressure_mpa),
     );
     line(
-        "root stresses",
+        "root stresses, load at the tip",
         format!("{} MPa", pair(figures.root_stress_mpa)),
     );
-    let nominal = &figures.iso_6336;
-    let remark = if nominal.in_range {
+    let rated = &figures.iso_6336;
+    let remark = if rated.in_range {
         ""
     } else {
         " (contact ratio outside the formulas' range)"
     };
+    let stress = |mpa: [f64; 2]| format!("{:.0}, {:.0} MPa", mpa[0], mpa[1]);
+    let root_safety = rated.root_safety.map_or_else(
+        || "S_F takes material.bending_limit_mpa, the σ_FE of ISO 6336-5".to_owned(),
+        |safety| format!("S_F {}", pair(safety)),
+    );
+    let edition = u32::from(rated.edition);
     line(
-        "ISO 6336, nominal: S_F",
-        format!("{}{remark}", pair(nominal.root_safety)),
+        "ISO 6336-3, roots",
+        format!(
+            "σ_F {}; {root_safety} (edition {edition}){remark}",
+            stress(rated.root_stress_mpa)
+        ),
     );
     line(
-        "ISO 6336, nominal: S_H",
-        format!("{}{remark}", pair(nominal.flank_safety)),
+        "ISO 6336-2, flanks",
+        format!(
+            "σ_H {}; S_H {}{remark}",
+            stress(rated.flank_stress_mpa),
+            pair(rated.flank_safety)
+        ),
+    );
+    let [application, dynamic, face, transverse] = rated.load_factors;
+    line(
+        "with K_A, K_v, K_Hβ, K_Hα",
+        format!("{application}, {dynamic}, {face}, {transverse}"),
     );
     let stiffness = figures.pair_stiffness_n_per_mm_um;
     line(

@@ -82,9 +82,9 @@ pub(super) fn largest_jump(points: &[[f64; 2]]) -> f64 {
 }
 
 /// Thickness of the pinion's tooth at its tip circle, in modules.
-pub(super) fn tip_land(pair: &Pair) -> Option<f64> {
-    let criteria = GearCriteria::of_pair(pair, 0.0, true);
-    Some(criteria.details?.tip_land_mm[0] / criteria.normal_module_mm)
+pub(super) fn tip_land(pair: &Pair) -> f64 {
+    let geometry = pair.geometry();
+    gear::rating::tip_land(geometry)[0] / geometry.normal_module
 }
 
 /// Records the constraints that a pair breaks under the paper's limits and a minimum tip land of 0.2 modules, with
@@ -96,9 +96,11 @@ pub(super) fn broken(outcome: &mut Outcome, pair: &Pair, expected: &str) -> Resu
         tip_land_min_modules: Some(0.2),
         ..sections.constraints
     };
-    let criteria = GearCriteria::of_pair(pair, pair.unworn().hertz_pressure_mpa, true);
+    let strength = sections.strength.to_gear(&sections.material);
+    let pressure = pair.unworn().hertz_pressure_mpa;
+    let criteria = GearCriteria::of_pair(pair, pressure, Some(&strength));
     let mut is_broken = false;
-    for constraint in constraints(&limits, &sections.material, &criteria) {
+    for constraint in constraints(&limits, &strength, &criteria) {
         if !constraint.holds() {
             is_broken |= constraint.name == expected;
             outcome.detected(constraint.name.to_string(), &constraint);

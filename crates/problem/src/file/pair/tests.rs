@@ -22,8 +22,8 @@ pinion_torque_nm = 200.0
 [material]
 youngs_modulus_gpa = 200.0
 poisson_ratio = 0.29
-yield_mpa = 980.0
-hertz_limit_mpa = 1550.0
+contact_limit_mpa = 1550.0
+bending_limit_mpa = 860.0
 [wear]
 max_depth_um = 3.5
 kernel = "squared-exponential"

@@ -39,10 +39,10 @@ static DETAILS: [Quantity; GearDetails::COUNT] = [
     Quantity::of("transverse_contact_ratio", ""),
     Quantity::of("tip_land_p_mm", "mm"),
     Quantity::of("tip_land_r_mm", "mm"),
-    Quantity::of("root_safety_p", ""),
-    Quantity::of("root_safety_r", ""),
-    Quantity::of("flank_safety_p", ""),
-    Quantity::of("flank_safety_r", ""),
+    Quantity::of("iso_root_stress_p_mpa", "MPa"),
+    Quantity::of("iso_root_stress_r_mpa", "MPa"),
+    Quantity::of("iso_flank_stress_p_mpa", "MPa"),
+    Quantity::of("iso_flank_stress_r_mpa", "MPa"),
     Quantity::of("centre_distance_mm", "mm"),
 ];
 
@@ -99,10 +99,10 @@ pub struct GearDetails {
     pub transverse_contact_ratio: f64,
     /// Thickness at the tip circle in the normal section, mm, as if the tip were not rounded.
     pub tip_land_mm: [f64; 2],
-    /// S_F, the material's yield stress over the nominal root stress of ISO 6336-3.
-    pub root_safety: [f64; 2],
-    /// S_H, the material's permissible pressure over the nominal contact stress of ISO 6336-2.
-    pub flank_safety: [f64; 2],
+    /// σ_F, the root stress of ISO 6336-3 with the factors of `[strength]`, MPa.
+    pub iso_root_stress_mpa: [f64; 2],
+    /// σ_H, the contact stress of ISO 6336-2 with the factors of `[strength]`, MPa.
+    pub iso_flank_stress_mpa: [f64; 2],
     /// Centre distance, mm.
     pub centre_distance_mm: f64,
 }
@@ -111,10 +111,14 @@ impl GearCriteria {
     /// The number of criteria without details.
     const COUNT: usize = 9;
 
-    /// The criteria of a pair, with the contact pressure of the relevant analysis in MPa, and with
-    /// details if `detailed`.
+    /// The criteria of a pair, with the contact pressure of the relevant analysis in MPa. Its details are rated with
+    /// `strength`, and left out without it.
     #[must_use]
-    pub fn of_pair(pair: &gear::UnloadedPair, hertz_pressure_mpa: f64, detailed: bool) -> Self {
+    pub fn of_pair(
+        pair: &gear::UnloadedPair,
+        hertz_pressure_mpa: f64,
+        strength: Option<&rating::Strength>,
+    ) -> Self {
         let geometry = pair.geometry();
         let interference = pair.interference();
         let roots = pair.root_stress();
@@ -126,7 +130,7 @@ impl GearCriteria {
             clearance_mm: interference.clearance,
             flank_margin_mm: interference.flank_margin,
             normal_module_mm: geometry.normal_module,
-            details: detailed.then(|| GearDetails::of_pair(pair)),
+            details: strength.map(|strength| GearDetails::of_pair(pair, strength)),
         }
     }
 
@@ -172,14 +176,14 @@ impl GearCriteria {
 impl GearDetails {
     const COUNT: usize = 8;
 
-    fn of_pair(pair: &gear::UnloadedPair) -> Self {
+    fn of_pair(pair: &gear::UnloadedPair, strength: &rating::Strength) -> Self {
         let geometry = pair.geometry();
-        let rating = rating::rate(pair, 1.0);
+        let rating = rating::rate(pair, 1.0, strength);
         Self {
             transverse_contact_ratio: geometry.eps_alpha_left(),
             tip_land_mm: rating::tip_land(geometry),
-            root_safety: rating.root_safety,
-            flank_safety: rating.flank_safety,
+            iso_root_stress_mpa: rating.root_stress_mpa,
+            iso_flank_stress_mpa: rating.flank_stress_mpa,
             centre_distance_mm: geometry.centre_distance,
         }
     }
@@ -191,8 +195,8 @@ impl GearDetails {
             [a, b, c, d, e, f, g, centre_distance_mm] => Some(Some(Self {
                 transverse_contact_ratio: a,
                 tip_land_mm: [b, c],
-                root_safety: [d, e],
-                flank_safety: [f, g],
+                iso_root_stress_mpa: [d, e],
+                iso_flank_stress_mpa: [f, g],
                 centre_distance_mm,
             })),
             _ => None,
@@ -200,7 +204,8 @@ impl GearDetails {
     }
 
     fn values(&self) -> [f64; Self::COUNT] {
-        let (land, root, flank) = (self.tip_land_mm, self.root_safety, self.flank_safety);
+        let land = self.tip_land_mm;
+        let (root, flank) = (self.iso_root_stress_mpa, self.iso_flank_stress_mpa);
         [
             self.transverse_contact_ratio,
             land[0],

@@ -1,17 +1,19 @@
 //! The constraints on a gear pair: the limits in a file, and the defaults of absent ones.
 
+use gear::rating;
+
 use super::super::Bound::{Above, AtLeast, AtMost, Below};
 use super::super::Constraint;
 use super::{GearCriteria, GearDetails};
-use crate::file::{GearLimits, Material};
+use crate::file::GearLimits;
 
-/// All constraints on a pair with these criteria. Without limits, contact pressure and root stress
+/// All constraints on a pair with these criteria. Without limits, the contact pressure
 /// must stay below the material's, and clearances and margins above 0. Limits on quantities that
 /// only [`GearDetails`] have need criteria with details.
 #[must_use]
 pub fn constraints(
     limits: &GearLimits,
-    material: &Material,
+    strength: &rating::Strength,
     criteria: &GearCriteria,
 ) -> Vec<Constraint> {
     let module = criteria.normal_module_mm;
@@ -22,10 +24,10 @@ pub fn constraints(
     let sliding = criteria.specific_sliding;
     let limit = limits.specific_sliding_max;
     all.extend(limit.map(|limit| Constraint::new("specific sliding", "", sliding, Below, limit)));
-    let limit = limits.root_stress_max(material);
+    let limit = limits.root_stress_max_mpa;
     let stress = criteria.root_stress_mpa;
-    all.push(Constraint::new("root stress", "MPa", stress, Below, limit));
-    let limit = limits.hertz_pressure_max(material);
+    all.extend(limit.map(|limit| Constraint::new("root stress", "MPa", stress, Below, limit)));
+    let limit = limits.hertz_pressure_max(strength.contact_limit_mpa);
     let pressure = criteria.hertz_pressure_mpa;
     all.push(Constraint::new(
         "contact pressure",
@@ -61,12 +63,17 @@ pub fn constraints(
     all.extend(least.map(|limit| Constraint::new("normal module", "mm", module, AtLeast, limit)));
     all.extend(most.map(|limit| Constraint::new("normal module", "mm", module, AtMost, limit)));
     if let Some(details) = &criteria.details {
-        all.extend(of_details(limits, module, details));
+        all.extend(of_details(limits, module, strength, details));
     }
     all
 }
 
-fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Constraint> {
+fn of_details(
+    limits: &GearLimits,
+    module: f64,
+    strength: &rating::Strength,
+    details: &GearDetails,
+) -> Vec<Constraint> {
     let mut all = Vec::new();
     let transverse = details.transverse_contact_ratio;
     let limit = limits.transverse_contact_ratio_min;
@@ -74,6 +81,7 @@ fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Co
         limit
             .map(|limit| Constraint::new("transverse contact ratio", "", transverse, Above, limit)),
     );
+    let root_safety = strength.root_safety(details.iso_root_stress_mpa);
     for (names, unit, values, limit) in [
         (
             ["pinion tip land", "mate tip land"],
@@ -84,13 +92,14 @@ fn of_details(limits: &GearLimits, module: f64, details: &GearDetails) -> Vec<Co
         (
             ["pinion root safety S_F", "mate root safety S_F"],
             "",
-            details.root_safety,
+            // A file that limits the safety gives the allowable stress.
+            root_safety.unwrap_or([f64::NAN; 2]),
             limits.root_safety_min,
         ),
         (
             ["pinion flank safety S_H", "mate flank safety S_H"],
             "",
-            details.flank_safety,
+            strength.flank_safety(details.iso_flank_stress_mpa),
             limits.flank_safety_min,
         ),
     ] {

@@ -33,6 +33,7 @@ impl PairFile {
             },
             load: sections.load,
             material: sections.material,
+            strength: sections.strength,
             wear: sections.wear,
             manufacture: sections.manufacture,
             corrections: None,
