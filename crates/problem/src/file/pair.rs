@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::corrections::PairCorrections;
-use super::validate::Source;
+use super::validate::{FileKind, Source};
 use super::{FileError, GearLimits, Load, Manufacture, Material, wear};
 
 #[cfg(test)]
@@ -81,7 +81,7 @@ impl PairFile {
     /// The error names the line, the fault and the valid values.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
         let source = Source { file, text };
-        let this: Self = source.parse()?;
+        let this: Self = source.parse_kind(FileKind::Pair)?;
         this.validate(source)?;
         Ok(this)
     }
@@ -98,12 +98,9 @@ impl PairFile {
 
     fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         let pair = &self.pair;
-        source.require(
-            pair.teeth.iter().all(|teeth| (4..=2000).contains(teeth)),
-            "pair.teeth",
-            pair.teeth,
-            "two numbers of teeth from 4 to 2000",
-        )?;
+        for teeth in pair.teeth {
+            source.teeth("pair.teeth", teeth)?;
+        }
         sizes(source, pair.centre_distance_mm, pair.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", pair.pressure_angle_deg)?;
         source.helix_angle("pair.helix_angle_deg", pair.helix_angle_deg)?;
