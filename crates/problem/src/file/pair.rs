@@ -139,8 +139,30 @@ impl PairFile {
         let (input, corrections) = (self.to_gear(), self.corrections());
         let grid = gear::Discretisation::of(input.tooth_model);
         let pair = gear::UnloadedPair::new(&input, &corrections, &grid);
-        let Err(gear::Error::Input(error)) = pair else {
-            return Ok(());
+        let error = match pair {
+            Err(gear::Error::Input(error)) => error,
+            Err(_) => return Ok(()),
+            Ok(pair) => {
+                let [start, end] = pair.geometry().path_left();
+                let mut lengths = corrections
+                    .tip_relief
+                    .iter()
+                    .flatten()
+                    .map(|relief| relief.length);
+                return lengths
+                    .find(|length| *length > end - start)
+                    .map_or(Ok(()), |length| {
+                        source.require(
+                            false,
+                            "corrections.tip_relief_length_mm",
+                            length,
+                            &format!(
+                                "at most {:.3} mm, the length of the path of contact",
+                                end - start
+                            ),
+                        )
+                    });
+            }
         };
         let place = match error.field {
             "face_width" => Some(("pair.face_width_mm", error.value)),

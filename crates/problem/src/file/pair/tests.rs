@@ -240,6 +240,11 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
             "corrections.tip_relief_length_mm is 0.0",
         ),
         (
+            "tip_relief_length_mm = [2.0, 1.5]",
+            "tip_relief_length_mm = [2.0, 40.0]",
+            "corrections.tip_relief_length_mm is 40.0, but must be at most 19.2",
+        ),
+        (
             "flank_class = 6",
             "flank_class = 12",
             "line 25: manufacture.flank_class is 12, but must be a whole number from 1 to 11",
