@@ -294,9 +294,25 @@ fn init_writes_a_file_that_check_accepts() {
         "at most 1800 samples",
         "core-seconds",
         "23 and 47 teeth",
+        "of 40 random designs are feasible",
     ] {
         assert!(plan.contains(part), "no {part:?} in\n{plan}");
     }
+    // A limit that every design breaks is named with the nearest value.
+    sandbox.write(
+        "new.toml",
+        &text.replace("contact_ratio_min = 1.25", "contact_ratio_min = 5.0"),
+    );
+    let output = sandbox.coordinator(&["check", "new.toml"]);
+    assert_code(&output, 0);
+    let plan = printed(&output);
+    assert!(
+        plan.contains("\n0 of 40 random designs are feasible"),
+        "{plan}"
+    );
+    let warning = "all 40 random designs that can be simulated break one constraint, the nearest of them with \
+                   contact ratio = 2.";
+    assert!(plan.contains(warning), "{plan}");
 }
 
 #[test]

@@ -202,10 +202,10 @@ fn summary(campaign: &Campaign, outcomes: &[Outcome]) -> PageTable {
         "relief of the pinion",
         "relief of the mate",
         "crowning, µm",
-        "r_c",
-        "g_s",
-        "F, MPa",
-        "σ_vm, MPa",
+        "contact ratio",
+        "specific sliding",
+        "contact pressure, MPa",
+        "root stress, MPa",
         "analyses without and with random wear",
     ]);
     for outcome in outcomes {

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use anyhow::Context as _;
 use ledger::{Generation, StreamId, Unit};
 use problem::accuracy::CampaignFile;
-use problem::formulation::Problem;
+use problem::formulation::{Analysis, Constraint, Problem};
+use problem::simulator::State;
 use problem::task::{self, Output, Run, Source};
 use problem::{Approach, Campaign, optimise};
 use rand::RngExt as _;
@@ -44,7 +45,21 @@ struct Plan {
     /// The reason why no design would get samples, if none of the tried ones would.
     #[serde(skip_serializing_if = "Option::is_none")]
     nothing_to_sample: Option<String>,
+    /// How many of the tried random designs are feasible, where the built-in model simulates.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    feasible: Option<Feasible>,
     warnings: Vec<String>,
+}
+
+/// The feasible ones among random designs.
+#[derive(Clone, Serialize)]
+struct Feasible {
+    count: u32,
+    /// Number of designs tried.
+    designs: u32,
+    /// A warning that names a constraint that all of them break.
+    #[serde(skip)]
+    warning: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -94,6 +109,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     } = measured.clone().unwrap_or(TrialTimes {
         sampled: 1.0,
         reason: String::new(),
+        feasible: None,
         design_seconds: f64::NAN,
         sample_seconds: f64::NAN,
         run_seconds: f64::NAN,
@@ -193,6 +209,10 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
         }
     };
     let stages: Vec<StagePlan> = rows.into_iter().map(stage).collect();
+    let feasible = measured
+        .as_ref()
+        .filter(|measured| measured.sampled > 0.0)
+        .and_then(|measured| measured.feasible.clone());
     let refused = trial.and_then(|trial| refused(&trial));
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
@@ -216,7 +236,9 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             .chain(beyond)
             .chain(over_budget(&campaign, &planned))
             .chain(refused)
+            .chain(feasible.as_ref().and_then(|tried| tried.warning.clone()))
             .collect(),
+        feasible,
     };
     print_either(arguments.json, &VersionedObject::new(&plan), || {
         describe(&plan)
@@ -277,10 +299,7 @@ fn beyond_one_store(samples: f64) -> Option<String> {
 fn describe(plan: &Plan) -> String {
     let verdict = match &plan.nothing_to_sample {
         None => "is valid".to_owned(),
-        Some(reason) => format!(
-            "has no design to sample among {DESIGNS} random ones, most often because of {reason}. Move \
-             or widen [bounds]"
-        ),
+        Some(_) => "has no design to sample".to_owned(),
     };
     let mut text = format!(
         "{} {verdict}: campaign {}, seed {}{}\n\n",
@@ -292,6 +311,12 @@ fn describe(plan: &Plan) -> String {
                 ", {pinion} and {mate} teeth"
             ))
     );
+    if let Some(reason) = &plan.nothing_to_sample {
+        text += &format!(
+            "None of {DESIGNS} random designs gets samples, most often because of {reason}. Change what this \
+             names in [pair], [constraints] or [bounds].\n\n"
+        );
+    }
     for StagePlan {
         stage,
         work,
@@ -329,6 +354,9 @@ fn describe(plan: &Plan) -> String {
     for note in [&plan.accuracy, &plan.manufacture].into_iter().flatten() {
         text += &format!("\n{note}\n");
     }
+    if let Some(Feasible { count, designs, .. }) = &plan.feasible {
+        text += &format!("\n{count} of {designs} random designs are feasible.\n");
+    }
     for warning in &plan.warnings {
         text += &format!("\nwarning: {warning}\n");
     }
@@ -340,8 +368,10 @@ fn describe(plan: &Plan) -> String {
 struct TrialTimes {
     /// The share of random designs that get samples: simulable ones that are not ruled out.
     sampled: f64,
-    /// The most frequent reason why a design gets no samples; empty if all do.
+    /// The most frequent reason why a design gets no samples, as its first design has it; empty if all do.
     reason: String,
+    /// Unknown for an external program, which is called for few designs.
+    feasible: Option<Feasible>,
     /// Time of a design's criteria and two deterministic analyses, in seconds.
     design_seconds: f64,
     /// Time of a sample of ΔSTE, in seconds.
@@ -366,6 +396,7 @@ impl TrialTimes {
             // Of a few designs the share says little.
             sampled: 1.0,
             reason: String::new(),
+            feasible: None,
             design_seconds,
             sample_seconds,
             run_seconds: of_search / f64::from(campaign.optimise.starts),
@@ -379,10 +410,13 @@ const DESIGNS: u32 = 40;
 fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
     let mut seconds = [0.0; 2];
     let mut sampled = 0.0_f64;
-    let mut reasons: BTreeMap<String, u32> = BTreeMap::new();
+    // Each reason by its short name, with the number of its designs and the whole reason of the first one.
+    let mut reasons: BTreeMap<String, (u32, String)> = BTreeMap::new();
+    let mut trials = Vec::new();
     let samples = [4, 104];
     for (pass, count) in samples.into_iter().enumerate() {
         sampled = 0.0;
+        trials.clear();
         // CPU time, so that other programs on the machine do not count.
         let before = thread_seconds();
         for number in 0..DESIGNS {
@@ -394,23 +428,28 @@ fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
                 samples: 0..count,
             };
             let design = problem.design(&problem.free_point(&place), problem.base());
-            let output = task::compute(problem, &unit, &Source::Design(design))
+            let output = task::compute(problem, &unit, &Source::Design(design.clone()))
                 .map_err(anyhow::Error::msg)
                 .context("a trial run")?;
             let reason = match output {
                 Output::Design {
-                    ruled_out: Some(reason),
+                    ruled_out,
+                    responses,
                     ..
+                } => {
+                    trials.extend(problem.analysis(&design, &responses, State::Baseline));
+                    ruled_out
                 }
-                | Output::Refused(reason) => reason,
-                _ => {
-                    sampled += 1.0;
-                    continue;
-                }
+                Output::Refused(reason) => Some(reason),
+                _ => None,
             };
-            // The reason's short name; the rest are the numbers of this design.
-            let name = reason.split(':').next().unwrap_or_default();
-            *reasons.entry(name.to_owned()).or_default() += 1;
+            let Some(reason) = reason else {
+                sampled += 1.0;
+                continue;
+            };
+            // The rest of the reason has the numbers of this design.
+            let name = reason.split(':').next().unwrap_or_default().to_owned();
+            reasons.entry(name).or_insert((0, reason)).0 += 1;
         }
         seconds[pass] = thread_seconds() - before;
     }
@@ -421,12 +460,48 @@ fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
         sampled: sampled / f64::from(DESIGNS),
         reason: reasons
             .into_iter()
-            .max_by_key(|(_, count)| *count)
-            .map_or_else(String::new, |(name, _)| name),
+            .max_by_key(|(_, (count, _))| *count)
+            .map_or_else(String::new, |(_, (_, reason))| reason),
+        feasible: Some(feasible(problem, &trials)),
         design_seconds: (without_samples / f64::from(DESIGNS)).max(0.0),
         sample_seconds,
         run_seconds: measure_runs(problem)?,
     })
+}
+
+/// The feasible ones among [`DESIGNS`] random designs, of which these could be simulated.
+fn feasible(problem: &Problem, trials: &[Analysis]) -> Feasible {
+    let mut count = 0;
+    // Each constraint by its name, with the number of designs that break it and the mildest violation.
+    let mut broken: BTreeMap<String, (u32, Constraint)> = BTreeMap::new();
+    for analysis in trials {
+        count += u32::from(problem.is_feasible(&analysis.criteria));
+        let constraints = problem.constraints(&analysis.criteria).into_iter();
+        for constraint in constraints.filter(|constraint| !constraint.holds()) {
+            let (designs, mildest) = broken
+                .entry(constraint.name.to_string())
+                .or_insert_with(|| (0, constraint.clone()));
+            *designs += 1;
+            if constraint.excess < mildest.excess {
+                *mildest = constraint;
+            }
+        }
+    }
+    let worst = broken.into_values().max_by_key(|(designs, _)| *designs);
+    // Where designs break different constraints, a search can find those that break none.
+    let by_all = worst.filter(|(designs, _)| *designs as usize == trials.len());
+    let warning = by_all.map(|(designs, mildest)| {
+        format!(
+            "all {designs} random designs that can be simulated break one constraint, the nearest of them with \
+             {mildest}: if the search finds no feasible design, change [constraints], [pair] or [load], or widen \
+             [bounds]"
+        )
+    });
+    Feasible {
+        count,
+        designs: DESIGNS,
+        warning,
+    }
 }
 
 /// Maximum number of evaluations in a trial run.

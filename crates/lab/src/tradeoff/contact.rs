@@ -33,6 +33,7 @@ pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 4,
     rule: Rule::Within(15.0),
+    given: false,
 }];
 
 /// Phases of the coupled model.

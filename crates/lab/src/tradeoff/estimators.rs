@@ -41,6 +41,7 @@ pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
     rule: Rule::NearBest(0.0),
+    given: false,
 }];
 
 const LEVELS: [f64; 6] = [0.1, 0.5, 0.9, 0.95, 0.99, 0.999];

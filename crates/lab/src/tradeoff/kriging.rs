@@ -40,11 +40,13 @@ pub(crate) const PAIRS: &[view::Pair] = &[
         cost: 0,
         error: 2,
         rule: NEAR,
+        given: false,
     },
     view::Pair {
         cost: 1,
         error: 3,
         rule: NEAR,
+        given: false,
     },
 ];
 

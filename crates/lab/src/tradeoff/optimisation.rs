@@ -40,16 +40,19 @@ pub(crate) const PAIRS: &[view::Pair] = &[
         cost: 0,
         error: 3,
         rule: NEAR,
+        given: false,
     },
     view::Pair {
         cost: 1,
         error: 3,
         rule: NEAR,
+        given: false,
     },
     view::Pair {
         cost: 2,
         error: 3,
         rule: NEAR,
+        given: false,
     },
 ];
 

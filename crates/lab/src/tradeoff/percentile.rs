@@ -41,6 +41,7 @@ pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
     rule: Rule::Within(TOLERANCE),
+    given: false,
 }];
 
 /// Numbers of samples.

@@ -11,7 +11,7 @@ pub(crate) const LEAD: &str = "Time lost to leases, messages and the store, with
      of a sample. Beside the built-in simulator there is an external program that sleeps, so that many workers fit on \
      few processors. Time lost is the share of the workers' time, or of the processors' with the built-in simulator, in \
      which no sample ran. The overhead is the CPU time in excess of that of the same samples in one thread. When samples \
-     take longer than the recommended one, the cost of the runner does not matter.";
+     take longer than the time that a chart states, the cost of the runner does not matter.";
 
 const COLUMNS: [&str; 5] = [
     "time a sample (s)",
@@ -28,11 +28,13 @@ pub(crate) const PAIRS: &[view::Pair] = &[
         cost: 0,
         error: 3,
         rule: LEAST_LOST,
+        given: true,
     },
     view::Pair {
         cost: 0,
         error: 4,
         rule: Rule::NearBest(0.5),
+        given: true,
     },
 ];
 

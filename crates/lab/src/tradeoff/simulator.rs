@@ -43,11 +43,13 @@ pub(crate) const PAIRS: &[view::Pair] = &[
         cost: 0,
         error: 3,
         rule: TOLERANCE,
+        given: false,
     },
     view::Pair {
         cost: 1,
         error: 7,
         rule: TOLERANCE,
+        given: false,
     },
 ];
 

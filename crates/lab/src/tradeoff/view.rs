@@ -14,6 +14,8 @@ pub struct Pair {
     pub error: usize,
     /// The rule that chooses the recommended setting.
     pub rule: Rule,
+    /// Whether the user's task gives the cost, so that nobody chooses it: the time of a program's sample.
+    pub given: bool,
 }
 
 /// One panel of a study, as cost against error.
@@ -38,12 +40,15 @@ impl<'a> View<'a> {
 
     #[must_use]
     pub fn recommended(&self) -> Option<&'a Row> {
+        if self.pair.given {
+            return None;
+        }
         let rows = self.rows();
         let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
         recommend(&points, self.pair.rule).map(|(place, _)| rows[place])
     }
 
-    /// The sentence that recommends a setting, with the reason.
+    /// The sentence that recommends a setting, with the reason, or says from which given cost on the error is small.
     #[must_use]
     pub fn sentence(&self) -> String {
         let rows = self.rows();
@@ -70,6 +75,21 @@ impl<'a> View<'a> {
             let [x, y] = points[at].map(short);
             format!("{cost} {x}, {error} {y}")
         };
+        if self.pair.given {
+            let (row, [x, y]) = (rows[place], points[place].map(short));
+            let of = format!("{error} {y} ({}, {})", row.method, row.setting);
+            return match reason {
+                Reason::CheapestWithin(limit) => {
+                    format!(
+                        "The least {cost} whose {error} is at most {} is {x}, with {of}.",
+                        short(limit)
+                    )
+                }
+                Reason::MostAccurate => {
+                    format!("The least {error} is that of {cost} {x}: {of}. It is above the limit.")
+                }
+            };
+        }
         let mut text = format!(
             "Recommended: {}, {} ({}). It is {why}.",
             rows[place].method,
@@ -188,6 +208,7 @@ mod tests {
                 cost: 0,
                 error: 1,
                 rule: Rule::Within(0.5),
+                given: false,
             },
         };
         assert_eq!(
@@ -195,6 +216,13 @@ mod tests {
             "Recommended: prefix sums, 16 × 8 (time (µs) 2, error (%) 0.2). It is the cheapest whose error (%) is \
              at most 0.5. The campaign's is prefix sums, 32 × 16 (time (µs) 4, error (%) 0.1)."
         );
+        let mut given = view.clone();
+        given.pair.given = true;
+        assert_eq!(
+            given.sentence(),
+            "The least time (µs) whose error (%) is at most 0.5 is 2, with error (%) 0.2 (prefix sums, 16 × 8)."
+        );
+        assert_eq!(given.recommended(), None);
         let chart = view.chart();
         assert_eq!(chart.series.len(), 1);
         assert_eq!(chart.front.len(), 3, "rows of another panel do not count");

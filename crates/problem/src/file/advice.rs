@@ -3,8 +3,8 @@
 use gear::{LocalAmount, Range, Size, ToothModel, Wear, WearLaw};
 
 use super::{
-    FrozenSection, GearSections, HELIX_ANGLE, Material, PairFile, PairSection, ROOT_RADII, Setting,
-    TIP_RADII, gear_size,
+    FrozenSection, GearSections, HELIX_ANGLE, Load, Material, PairFile, PairSection, ROOT_RADII,
+    Setting, TIP_RADII, gear_size,
 };
 
 /// A larger modulus was probably given in MPa. Tungsten carbide has about 650 GPa.
@@ -13,13 +13,33 @@ const STIFFEST_GPA: f64 = 1000.0;
 const FACE_WIDTH_MM: [f64; 2] = [0.5, 1000.0];
 /// Wear in µm above which no flank of a usual module is left.
 const DEEPEST_WEAR_UM: f64 = 1000.0;
+/// Variance of the wear's field, whose mean is 1, above which more than 1 % of the depths are negative.
+const MOST_VARIANCE: f64 = 0.18;
+/// Amount of a correction in µm below which it cannot be made.
+const LEAST_CORRECTION_UM: f64 = 0.5;
+/// Usual profile shifts in modules, those that the paper allows.
+const USUAL_SHIFT: [f64; 2] = [-1.0, 2.0];
 
 impl PairFile {
     /// Advice about values that are valid but doubtful, one sentence each.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        let geometry = gear::Geometry::new(&self.to_gear()).ok();
+        let input = self.to_gear();
+        let geometry = gear::Geometry::new(&input).ok();
         let mut warnings = of_sections(&self.material, &self.wear, self.pair.face_width_mm);
+        let pair = &self.pair;
+        warnings.extend(of_torque(
+            self.load,
+            input.size,
+            pair.teeth,
+            [pair.pressure_angle_deg, pair.face_width_mm],
+            self.material.contact_limit_mpa,
+        ));
+        warnings.extend(of_hand("pair.helix_angle_deg", &[pair.helix_angle_deg]));
+        if let Some(corrections) = &self.corrections {
+            let crowning = corrections.crowning_um.map(|um| [um; 2]);
+            warnings.extend(of_amounts(corrections.tip_relief_um, crowning));
+        }
         warnings.extend(of_coupled(&self.pair, geometry.as_ref()));
         warnings
     }
@@ -30,6 +50,24 @@ impl GearSections {
     pub(super) fn warnings(&self) -> Vec<String> {
         let face_width_mm = self.pair.face_width_mm;
         let mut warnings = of_sections(&self.material, &self.wear, face_width_mm);
+        let pair = &self.pair;
+        let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
+        warnings.extend(of_torque(
+            self.load,
+            size,
+            pair.teeth(),
+            [pair.pressure_angle_deg, face_width_mm],
+            self.material.contact_limit_mpa,
+        ));
+        warnings.extend(of_centre_distance(self));
+        let helix = ends(&self.bounds.settings()[HELIX_ANGLE]);
+        warnings.extend(of_hand("bounds.helix_angle_deg", &helix));
+        if let Some(corrections) = &self.corrections {
+            warnings.extend(of_amounts(
+                corrections.tip_relief_um,
+                corrections.crowning_um,
+            ));
+        }
         warnings.extend(of_frozen(self));
         warnings.extend(of_coupled_designs(self));
         warnings
@@ -64,7 +102,113 @@ fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<Stri
             max_depth_um * 1e-3
         ));
     }
+    if wear.variance > MOST_VARIANCE {
+        warnings.push(format!(
+            "wear.variance is {}: the wear depth has a standard deviation of {:.2} times its mean and is often \
+             negative, which adds material: 0.01, the variance of the 2009 paper, is 10 %",
+            wear.variance,
+            wear.variance.sqrt()
+        ));
+    }
     warnings
+}
+
+/// A warning about a torque that no tooth carries: its tangential force over face width and module is above the
+/// material's σ_Hlim in MPa, and the root stress by ISO 6336-3 is about three times that force. Pressure angle in degrees, face width in mm.
+fn of_torque(
+    load: Load,
+    size: Size,
+    teeth: [u32; 2],
+    [pressure_angle_deg, face_width_mm]: [f64; 2],
+    contact_limit_mpa: f64,
+) -> Option<String> {
+    let torque = load.pinion_torque_nm;
+    // The module of a spur pair without profile shift is near enough.
+    let module =
+        gear::normal_module(teeth, size, pressure_angle_deg.to_radians(), 0.0, 0.0).ok()?;
+    let force = 2e3 * torque / (module * f64::from(teeth[0]));
+    let stress = force / (face_width_mm * module);
+    // A strange face width has its own warning.
+    let is_usual = (FACE_WIDTH_MM[0]..=FACE_WIDTH_MM[1]).contains(&face_width_mm);
+    (is_usual && stress > contact_limit_mpa).then(|| {
+        format!(
+            "load.pinion_torque_nm is {torque} N·m: its tangential force over face width and module is {stress:.0} MPa, \
+             above the σ_Hlim of {contact_limit_mpa} MPa, which no tooth carries: did you mean {}?",
+            torque * 1e-3
+        )
+    })
+}
+
+/// A warning about negative helix angles, of which only the magnitude counts.
+fn of_hand(key: &str, angles_deg: &[f64]) -> Option<String> {
+    let negative = angles_deg.iter().find(|angle| **angle < 0.0)?;
+    Some(format!(
+        "{key} is {negative}: left and right hand give the same results, so give the magnitude alone"
+    ))
+}
+
+/// Warnings about corrections, of which the largest amount in µm is too small to be made.
+fn of_amounts(tip_relief_um: Option<[f64; 2]>, crowning_um: Option<[f64; 2]>) -> Vec<String> {
+    let of = |(key, um): (&str, Option<[f64; 2]>)| {
+        let most = um.map(|[a, b]| a.max(b))?;
+        (most > 0.0 && most < LEAST_CORRECTION_UM).then(|| {
+            format!(
+                "corrections.{key} is at most {most} µm: did you mean {}?",
+                most * 1e3
+            )
+        })
+    };
+    let all = [
+        ("tip_relief_um", tip_relief_um),
+        ("crowning_um", crowning_um),
+    ];
+    all.into_iter().filter_map(of).collect()
+}
+
+/// A warning about a centre distance that usual profile shifts of the mate do not give with the module, and the
+/// distances that they give.
+fn of_centre_distance(sections: &GearSections) -> Option<String> {
+    let pair = &sections.pair;
+    let (module, given) = (pair.normal_module_mm?, pair.centre_distance_mm?);
+    let (teeth, pressure_angle) = (pair.teeth(), pair.pressure_angle_deg.to_radians());
+    let distance = |helix: f64, sum: f64| {
+        let unit = Size::CentreDistance(1.0);
+        gear::normal_module(teeth, unit, pressure_angle, helix, sum).map(|of_unit| module / of_unit)
+    };
+    let settings = sections.bounds.settings();
+    let magnitudes = ends(&settings[HELIX_ANGLE]);
+    let helix = |pick: fn(f64, f64) -> f64| magnitudes.iter().copied().reduce(pick);
+    let (least, most) = (
+        helix(f64::min)?.max(0.0).to_radians(),
+        helix(f64::max)?.to_radians(),
+    );
+    let pinion = ends(&settings[0]);
+    let [low, high] = [
+        *pinion.first()? + USUAL_SHIFT[0],
+        *pinion.last()? + USUAL_SHIFT[1],
+    ];
+    // Without a solution for the least sum, the base circles touch.
+    let shortest = distance(least, low).or_else(|_| {
+        distance(least, 0.0)
+            .map(|without| without / (pressure_angle.tan() / least.cos()).hypot(1.0))
+    });
+    let [shortest, longest] = [shortest.ok()?, distance(most, high).ok()?];
+    (given < shortest || given > longest).then(|| {
+        format!(
+            "pair.centre_distance_mm is {given} mm: with {} and {} teeth, a module of {module} mm and the bounds of the helix angle and of \
+             the pinion's profile shift, profile shifts of the mate from {} to {} give {shortest:.2} to {longest:.2} mm",
+            teeth[0], teeth[1], USUAL_SHIFT[0], USUAL_SHIFT[1]
+        )
+    })
+}
+
+/// The ends of a variable's values; none if it is bound to another one.
+fn ends(setting: &Setting) -> Vec<f64> {
+    match *setting {
+        Setting::Free(range) => range.to_vec(),
+        Setting::Fixed(value) => vec![value],
+        Setting::Relation(_) => Vec::new(),
+    }
 }
 
 /// The sentence about a value outside the pairs for which the tooth model is known; `key` is the file's.
@@ -130,11 +274,6 @@ fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
         return Vec::new();
     }
     let settings = sections.bounds.settings();
-    let ends = |setting: &Setting| match *setting {
-        Setting::Free(range) => range.to_vec(),
-        Setting::Fixed(value) => vec![value],
-        Setting::Relation(_) => Vec::new(),
-    };
     let mut shifts: Vec<f64> = settings[..2].iter().flat_map(ends).collect();
     shifts.sort_by(f64::total_cmp);
     shifts.dedup();
@@ -160,7 +299,10 @@ fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
         outside(
             Range::HELIX_ANGLE,
             "bounds.helix_angle_deg",
-            &ends(&settings[HELIX_ANGLE]),
+            &ends(&settings[HELIX_ANGLE])
+                .into_iter()
+                .map(f64::abs)
+                .collect::<Vec<_>>(),
         ),
         outside(Range::PROFILE_SHIFT, "bounds.profile_shift", &shifts),
     ]
@@ -280,6 +422,26 @@ mod tests {
                 "from 0.5 to 1000 mm",
             ),
             (
+                "pinion_torque_nm = 200.0",
+                "pinion_torque_nm = 200000.0",
+                "load.pinion_torque_nm is 200000 N·m",
+            ),
+            (
+                "variance = 0.01",
+                "variance = 10.0",
+                "wear.variance is 10: the wear depth has a standard deviation of 3.16 times its mean",
+            ),
+            (
+                "helix_angle_deg = [0.0, 30.0]",
+                "helix_angle_deg = [-30.0, 30.0]",
+                "bounds.helix_angle_deg is -30: left and right hand give the same results",
+            ),
+            (
+                "[doe]",
+                "[corrections]\ntip_relief_um = [0.0, 0.02]\ntip_relief_length_mm = [0.5, 6.0]\n[doe]",
+                "corrections.tip_relief_um is at most 0.02 µm: did you mean 20?",
+            ),
+            (
                 "max_depth_um = 3.5",
                 "max_depth_um = 3500.0",
                 "wear.max_depth_um is 3500 µm, which is 3.5 mm",
@@ -303,6 +465,36 @@ mod tests {
             let warnings = warnings(from, to);
             assert_eq!(warnings.len(), 1, "{to}: {warnings:?}");
             assert!(warnings[0].contains(part), "{to}: {warnings:?}");
+        }
+    }
+
+    #[test]
+    fn a_centre_distance_that_no_usual_shift_gives_is_named_with_those_that_one_gives() {
+        for (from, to, is_warned) in [
+            ("109.293", "109.293", false),
+            ("109.293", "0.109293", true),
+            ("109.293", "95.0", true),
+            ("109.293", "150.0", true),
+            ("gear_teeth = 47", "gear_teeth = 11", true),
+            ("helix_angle_deg = 15.0", "helix_angle_deg = 60.0", true),
+            (
+                "helix_angle_deg = 15.0",
+                "helix_angle_deg = [0.0, 60.0]",
+                false,
+            ),
+        ] {
+            assert!(Campaign::PAIR.contains(from), "{from}");
+            let text = Campaign::PAIR.replacen(from, to, 1);
+            let warnings = Campaign::parse("c.toml", &text).unwrap().warnings();
+            let found = warnings
+                .iter()
+                .find(|one| one.contains("centre_distance_mm"));
+            assert_eq!(found.is_some(), is_warned, "{to}: {warnings:?}");
+            // From the involute equation, solved by bisection, with sums of -1.1 and 2.6.
+            let expected = "profile shifts of the mate from -1 to 2 give 104.85 to 115.31 mm";
+            if from == "109.293" && is_warned {
+                assert!(found.unwrap().contains(expected), "{found:?}");
+            }
         }
     }
 

@@ -6,8 +6,8 @@ use gear::Rack;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FileError;
 use super::validate::{InvalidValue, Source};
+use super::{FileError, Pair};
 
 /// `[bounds]`: the values that each variable may take, for both gears together or for each.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -140,8 +140,8 @@ impl Bounds {
         [a, b, c, d, e, f, g, h, i, j, self.helix_angle_deg]
     }
 
-    /// Validates the section. `sizes_given` says whether both module and centre distance are given.
-    pub(super) fn validate(&self, source: Source<'_>, sizes_given: bool) -> Result<(), FileError> {
+    /// Validates the section of a campaign with this `pair`.
+    pub(super) fn validate(&self, source: Source<'_>, pair: &Pair) -> Result<(), FileError> {
         let optional = [
             (ADDENDUM, self.tool_addendum),
             (DEDENDUM, self.tool_dedendum),
@@ -180,14 +180,31 @@ impl Bounds {
                 "[low, high] or a number: only the profile shift of the mate can follow",
             ));
         }
-        source.require(
-            follows(&settings[1]) == sizes_given,
-            SHIFT.0,
-            self.profile_shift,
-            "{ pinion = …, mate = \"follows\" } where pair.normal_module_mm and \
-             pair.centre_distance_mm are both given, as the sum of the profile shifts follows from them, \
-             and only there",
-        )?;
+        let absent = [
+            ("pair.normal_module_mm", pair.normal_module_mm),
+            ("pair.centre_distance_mm", pair.centre_distance_mm),
+        ]
+        .into_iter()
+        .find_map(|(key, length)| length.is_none().then_some(key));
+        match (absent, follows(&settings[1])) {
+            (Some(key), true) => {
+                return Err(source.missing(
+                    key,
+                    "given where the mate of bounds.profile_shift \"follows\" from module and centre distance; \
+                     or give the mate's profile shift itself, [low, high] or a number",
+                ));
+            }
+            (None, false) => {
+                return Err(source.refuse(
+                    SHIFT.0,
+                    self.profile_shift,
+                    "{ pinion = …, mate = \"follows\" } beside pair.normal_module_mm and \
+                     pair.centre_distance_mm, from which the sum of the profile shifts follows; or leave out one \
+                     of these two",
+                ));
+            }
+            _ => {}
+        }
         let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
         if settings.iter().any(is_free) {
             return Ok(());

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
 use super::accuracy::AccuracySection;
-use super::validate::Source;
+use super::validate::{FileKind, Source};
 use super::{
     Bounds, Budget, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe,
     Enrichment, ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind,
@@ -143,7 +143,7 @@ impl Form {
         // If the text is not TOML, parsing the whole form reports the error.
         let kind = toml::from_str(source.text).map_or(None, |Peek { kind }| kind);
         let this = match kind.as_deref() {
-            None | Some("gear") => Self::Gears(Box::new(source.parse()?)),
+            None | Some("gear") => Self::Gears(Box::new(source.parse_kind(FileKind::Campaign)?)),
             Some("external") => Self::External(Box::new(source.parse()?)),
             Some(other) => {
                 return Err(source.refuse("kind", other, "\"gear\" or \"external\""));

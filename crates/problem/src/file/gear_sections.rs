@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
-use super::validate::{InvalidValue, Source};
+use super::validate::{InvalidValue, Source, TEETH};
 use super::{
     Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Strength, accuracy,
     wear,
@@ -70,8 +70,8 @@ impl Default for Penalty {
 pub struct Pair {
     /// Number of teeth of the pinion.
     pub pinion_teeth: u32,
-    /// Gear ratio: the mate has ⌊pinion teeth / ratio⌋ teeth (the paper's (4)). Either this or
-    /// `gear_teeth` is given.
+    /// Gear ratio u = z2/z1 of ISO 21771, at least 1: the mate has the nearest whole number of teeth to
+    /// u · `pinion_teeth`. Either this or `gear_teeth` is given.
     pub gear_ratio: Option<f64>,
     /// Number of teeth of the mate.
     pub gear_teeth: Option<u32>,
@@ -123,9 +123,7 @@ impl GearSections {
             source.length("pair.hub_radius_mm", radius)?;
         }
         self.constraints.validate(source)?;
-        let pair = &self.pair;
-        let sizes_given = pair.centre_distance_mm.is_some() && pair.normal_module_mm.is_some();
-        self.bounds.validate(source, sizes_given)?;
+        self.bounds.validate(source, &self.pair)?;
         if let Some(frozen) = &self.frozen {
             frozen.validate(source, &self.bounds)?;
         }
@@ -167,38 +165,23 @@ impl Pair {
         let pinion = self.pinion_teeth;
         let mate = match (self.gear_teeth, self.gear_ratio) {
             (Some(teeth), _) => teeth,
-            // The ratio is a decimal such as 0.9, which binary numbers miss by an ulp. 18/0.9 must
-            // give 20, so the quotient is rounded up if it is that close to a whole number.
-            (None, Some(ratio)) => (f64::from(pinion) / ratio + 1e-9).floor() as u32,
+            (None, Some(ratio)) => (f64::from(pinion) * ratio).round() as u32,
             (None, None) => 0,
         };
         [pinion, mate]
     }
 
     fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        let sensible = 4..=2000;
-        source.require(
-            sensible.contains(&self.pinion_teeth),
-            "pair.pinion_teeth",
-            self.pinion_teeth,
-            "a number of teeth from 4 to 2000",
-        )?;
+        source.teeth("pair.pinion_teeth", self.pinion_teeth)?;
         match (self.gear_ratio, self.gear_teeth) {
-            (Some(ratio), None) => {
-                source.positive("pair.gear_ratio", ratio)?;
-                source.require(
-                    sensible.contains(&self.teeth()[1]),
-                    "pair.gear_ratio",
-                    ratio,
-                    "such that pinion_teeth / gear_ratio lies between 4 and 2000",
-                )?;
-            }
-            (None, Some(gear_teeth)) => source.require(
-                sensible.contains(&gear_teeth),
-                "pair.gear_teeth",
-                gear_teeth,
-                "a number of teeth from 4 to 2000",
+            (Some(ratio), None) => source.require(
+                ratio >= 1.0 && TEETH.contains(&self.teeth()[1]),
+                "pair.gear_ratio",
+                ratio,
+                "u = z2/z1, the mate's number of teeth over the pinion's: at least 1, and such that the mate has \
+                 at most 2000 teeth; a pair that speeds up is given by gear_teeth",
             )?,
+            (None, Some(gear_teeth)) => source.teeth("pair.gear_teeth", gear_teeth)?,
             (Some(_), Some(gear_teeth)) => {
                 return Err(source.refuse(
                     "pair.gear_teeth",

@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::corrections::PairCorrections;
-use super::validate::Source;
+use super::validate::{FileKind, Source};
 use super::{FileError, GearLimits, Load, Manufacture, Material, Strength, wear};
 
 #[cfg(test)]
@@ -84,7 +84,7 @@ impl PairFile {
     /// The error names the line, the fault and the valid values.
     pub fn parse(file: &str, text: &str) -> Result<Self, FileError> {
         let source = Source { file, text };
-        let this: Self = source.parse()?;
+        let this: Self = source.parse_kind(FileKind::Pair)?;
         this.validate(source)?;
         Ok(this)
     }
@@ -101,12 +101,9 @@ impl PairFile {
 
     fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         let pair = &self.pair;
-        source.require(
-            pair.teeth.iter().all(|teeth| (4..=2000).contains(teeth)),
-            "pair.teeth",
-            pair.teeth,
-            "two numbers of teeth from 4 to 2000",
-        )?;
+        for teeth in pair.teeth {
+            source.teeth("pair.teeth", teeth)?;
+        }
         sizes(source, pair.centre_distance_mm, pair.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", pair.pressure_angle_deg)?;
         source.helix_angle("pair.helix_angle_deg", pair.helix_angle_deg)?;
@@ -147,8 +144,30 @@ impl PairFile {
         let (input, corrections) = (self.to_gear(), self.corrections());
         let grid = gear::Discretisation::of(input.tooth_model);
         let pair = gear::UnloadedPair::new(&input, &corrections, &grid);
-        let Err(gear::Error::Input(error)) = pair else {
-            return Ok(());
+        let error = match pair {
+            Err(gear::Error::Input(error)) => error,
+            Err(_) => return Ok(()),
+            Ok(pair) => {
+                let [start, end] = pair.geometry().path_left();
+                let mut lengths = corrections
+                    .tip_relief
+                    .iter()
+                    .flatten()
+                    .map(|relief| relief.length);
+                return lengths
+                    .find(|length| *length > end - start)
+                    .map_or(Ok(()), |length| {
+                        source.require(
+                            false,
+                            "corrections.tip_relief_length_mm",
+                            length,
+                            &format!(
+                                "at most {:.3} mm, the length of the path of contact",
+                                end - start
+                            ),
+                        )
+                    });
+            }
         };
         let place = match error.field {
             "face_width" => Some(("pair.face_width_mm", error.value)),

@@ -1,11 +1,46 @@
 //! Invalid values, and where in its file each is.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::FileError;
+
+/// The numbers of teeth that files accept.
+pub(super) const TEETH: RangeInclusive<u32> = 4..=2000;
+/// [`TEETH`] in words. An internal gear has a negative number of teeth in ISO 21771.
+const TEETH_IN_WORDS: &str = "a number of teeth from 4 to 2000; internal gears, whose numbers are negative, are not supported";
+
+/// The kinds of files with a gear pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum FileKind {
+    Campaign,
+    Pair,
+}
+
+impl FileKind {
+    const fn in_words(self) -> &'static str {
+        match self {
+            Self::Campaign => "a campaign file, which has bounds for many designs",
+            Self::Pair => "a pair file, which has the numbers of one gear pair",
+        }
+    }
+
+    /// What to do where a file of this kind is expected, and another one is given.
+    const fn remedy(self) -> &'static str {
+        match self {
+            Self::Campaign => {
+                "Give a campaign file, which `coordinator init` writes; `coordinator simulate --pair` takes pair files"
+            }
+            Self::Pair => {
+                "Give a pair file, which `coordinator export --pair` writes for an optimum; `coordinator check` \
+                 and `coordinator run` take campaign files"
+            }
+        }
+    }
+}
 
 /// An invalid value, whose place in the file is not known yet.
 ///
@@ -51,6 +86,17 @@ impl InvalidValue {
             .chars()
             .all(|c| c.is_ascii_alphanumeric() || "_.[]".contains(c));
         is_key.then(|| Self::in_words(key, found, expected))
+    }
+
+    /// The negative number that the text of an error states, as the value of `key`, a whole number.
+    fn of_negative(key: &str, text: &str) -> Option<Self> {
+        let number = text.strip_prefix("invalid value: integer `")?;
+        let (number, _) = number.split_once("`, expected u")?;
+        let expected = match key.ends_with("teeth") {
+            true => TEETH_IN_WORDS,
+            false => "a whole number, zero or more",
+        };
+        Some(Self::in_words(key, number, expected))
     }
 
     /// The unknown name that the text of an error states, as the value of `key`.
@@ -123,6 +169,38 @@ impl Source<'_> {
         })
     }
 
+    /// Like [`parse`](Self::parse); a file of another kind is refused as such instead of key by key.
+    pub(super) fn parse_kind<T: DeserializeOwned + Serialize>(
+        self,
+        expected: FileKind,
+    ) -> Result<T, FileError> {
+        self.parse()
+            .map_err(|error| self.of_other_kind(expected).unwrap_or(error))
+    }
+
+    /// The error for a file of another kind than `expected`, if its keys tell so: a campaign file has a format, a
+    /// pair file lists two numbers of teeth.
+    fn of_other_kind(self, expected: FileKind) -> Option<FileError> {
+        let file = toml::from_str::<toml::Table>(self.text).ok()?;
+        let pair = file.get("pair").and_then(toml::Value::as_table);
+        let (key, found) = if file.contains_key("format") {
+            ("format", FileKind::Campaign)
+        } else if pair.is_some_and(|pair| pair.contains_key("teeth")) {
+            ("pair.teeth", FileKind::Pair)
+        } else {
+            return None;
+        };
+        (found != expected).then(|| FileError::Syntax {
+            file: self.file.to_owned(),
+            line: self.line_of(key),
+            message: format!(
+                "{key} belongs to {}. {}",
+                found.in_words(),
+                expected.remedy()
+            ),
+        })
+    }
+
     /// The error as an invalid value, if it is one.
     fn invalid(self, error: &toml::de::Error) -> Option<FileError> {
         let (line, _) = place(self.text, error);
@@ -135,7 +213,9 @@ impl Source<'_> {
             invalid.key = here.unwrap_or(invalid.key);
             return Some(self.error_at(line + 1, invalid));
         }
-        let invalid = InvalidValue::of_unknown_name(&here?, error.message())?;
+        let (key, text) = (here?, error.message());
+        let invalid = InvalidValue::of_unknown_name(&key, text)
+            .or_else(|| InvalidValue::of_negative(&key, text))?;
         Some(self.error_at(line + 1, invalid))
     }
 
@@ -302,6 +382,11 @@ impl Source<'_> {
             value,
             expected.trim_end(),
         )
+    }
+
+    /// Requires a number of teeth.
+    pub(super) fn teeth(self, key: &str, teeth: u32) -> Result<(), FileError> {
+        self.require(TEETH.contains(&teeth), key, teeth, TEETH_IN_WORDS)
     }
 
     /// Requires a length in mm that the simulator accepts.

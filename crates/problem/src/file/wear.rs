@@ -8,16 +8,18 @@ use super::FileError;
 use super::validate::{InvalidValue, Source};
 
 /// `[wear]`: the law of the mean wear, by the number that it takes, and its random field.
+///
+/// The defaults are the values of the 2009 paper, with the depth that its coefficient gave.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub(super) struct WearSection {
     /// The law of the mean wear. If absent, it follows from the number that is given; only
     /// `"local-archard"` with `max_depth_um` needs the name.
     #[serde(skip_serializing_if = "Option::is_none")]
     law: Option<LawName>,
     /// Archard's law: material is removed wherever the flanks slide, and the deepest place of every flank has
-    /// this depth, µm. With `law = "local-archard"` the deepest place of both flanks together has it. Either this,
-    /// `coefficient_per_mpa` or `wear_coefficient_mm2_per_n` is given.
+    /// this depth, µm. With `law = "local-archard"` the deepest place of both flanks together has it. This,
+    /// `coefficient_per_mpa` or `wear_coefficient_mm2_per_n` is given; without them it is 3.5 µm.
     #[serde(skip_serializing_if = "Option::is_none")]
     max_depth_um: Option<f64>,
     /// The paper's law: the depth per pressure and sliding, 1/MPa, the same for all pairs. The depth has the sign
@@ -37,6 +39,24 @@ pub(super) struct WearSection {
     range_rad: f64,
     /// Variance of the random field, whose mean is 1.
     variance: f64,
+}
+
+/// The depth without a number of any law, µm.
+const MAX_DEPTH_UM: f64 = 3.5;
+
+impl Default for WearSection {
+    fn default() -> Self {
+        Self {
+            law: None,
+            max_depth_um: None,
+            coefficient_per_mpa: None,
+            wear_coefficient_mm2_per_n: None,
+            pinion_cycles: None,
+            kernel: Kernel::SquaredExponential,
+            range_rad: 0.2,
+            variance: 0.01,
+        }
+    }
 }
 
 /// The name of a law of the mean wear.
@@ -121,7 +141,11 @@ impl WearSection {
             (Some(max_depth_um), None, None) => Ok(Amount::MaxDepth(max_depth_um)),
             (None, Some(coefficient), None) => Ok(Amount::PerMpa(coefficient)),
             (None, None, Some(cycles)) => Ok(Amount::Cycles(cycles)),
-            (None, None, None) => Err(self.without_amount()),
+            (None, None, None) if self.law == Some(LawName::Signed) => Err(InvalidValue::missing(
+                "wear.coefficient_per_mpa",
+                "given with law = \"signed\"",
+            )),
+            (None, None, None) => Ok(Amount::MaxDepth(MAX_DEPTH_UM)),
             (Some(_), Some(coefficient), _) => Err(InvalidValue::new(
                 "wear.coefficient_per_mpa",
                 &coefficient,
@@ -139,23 +163,6 @@ impl WearSection {
                 ))
             }
         }
-    }
-
-    /// The error for a section without a number of its law.
-    fn without_amount(&self) -> InvalidValue {
-        let (key, expected) = match self.law {
-            None => (
-                "max_depth_um",
-                "given, unless coefficient_per_mpa or wear_coefficient_mm2_per_n is",
-            ),
-            Some(LawName::Archard) => ("max_depth_um", "given with law = \"archard\""),
-            Some(LawName::Signed) => ("coefficient_per_mpa", "given with law = \"signed\""),
-            Some(LawName::LocalArchard) => (
-                "max_depth_um",
-                "given with law = \"local-archard\", unless wear_coefficient_mm2_per_n is",
-            ),
-        };
-        InvalidValue::missing(&format!("wear.{key}"), expected)
     }
 }
 
@@ -216,14 +223,10 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Wear, D:
     section.try_into().map_err(D::Error::custom)
 }
 
-/// Archard's law with the paper's random field: the wear of a pair file without the section.
+/// The wear of a file without the section.
 pub(super) fn default() -> Wear {
-    Wear {
-        law: WearLaw::Archard { max_depth_um: 3.5 },
-        kernel: Kernel::SquaredExponential,
-        range: 0.2,
-        variance: 0.01,
-    }
+    let section = WearSection::default();
+    section.try_into().expect("an empty section is valid")
 }
 
 pub(super) fn validate(wear: &Wear, source: Source<'_>) -> Result<(), FileError> {

@@ -137,7 +137,12 @@ impl std::fmt::Display for Constraint {
         // A limit in modules has many digits when converted to mm.
         let limit = (limit * 1e4).round() / 1e4;
         // An optimum lies on a constraint, where only the size of a small violation matters.
-        if excess.abs() < 1e-3 {
+        if *excess < 1e-6 * self.scale {
+            write!(
+                f,
+                "{name} on its limit of {limit}{unit}, and {excess:.0e}{unit} beyond it, which no measurement shows"
+            )
+        } else if excess.abs() < 1e-3 {
             write!(
                 f,
                 "{name} {excess:.0e}{unit} beyond its limit of {limit}{unit}"
@@ -147,6 +152,30 @@ impl std::fmt::Display for Constraint {
                 f,
                 "{name} = {value:.4}{unit} beyond its limit of {limit}{unit}"
             )
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_violation_is_told_as_large_as_it_is() {
+        for (value, says) in [
+            (-0.25, "margin = -0.2500 mm beyond its limit of 0 mm"),
+            (-2e-4, "margin 2e-4 mm beyond its limit of 0 mm"),
+            (
+                -7e-8,
+                "margin on its limit of 0 mm, and 7e-8 mm beyond it, which no measurement shows",
+            ),
+        ] {
+            let constraint = Constraint {
+                scale: 3.0,
+                ..Constraint::new("margin", "mm", value, Bound::AtLeast, 0.0)
+            };
+            assert!(!constraint.holds());
+            assert_eq!(constraint.to_string(), says);
         }
     }
 }

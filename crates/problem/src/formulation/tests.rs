@@ -210,7 +210,7 @@ fn what_bounds_cannot_be_is_refused_with_its_key() {
         (
             one,
             format!("{HOB}profile_shift = {{ pinion = 0.1, mate = \"follows\" }}"),
-            "where pair.normal_module_mm and pair.centre_distance_mm are both given",
+            "pair.normal_module_mm is missing, but must be given where the mate of bounds.profile_shift \"follows\"",
         ),
         (
             one,

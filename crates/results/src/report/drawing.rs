@@ -64,6 +64,9 @@ pub struct SteCurves {
     pub unworn_um: Vec<f64>,
     /// STE with Archard's wear at each phase, µm; may be empty.
     pub worn_um: Vec<f64>,
+    /// ΔSTE of the unworn and the worn gears, µm. Extremes lie between the phases, so that it is more than the
+    /// curves show.
+    pub delta_um: [f64; 2],
 }
 
 /// Contact pressure along the path of contact.
@@ -207,6 +210,7 @@ pub fn ste(pair: &gear::Pair, wear: &gear::Wear) -> SteCurves {
         values.into_iter().chain(end).collect()
     };
     SteCurves {
+        delta_um: [unworn.delta_ste_um, worn.delta_ste_um],
         phase: closed(unworn.phases, Some(1.0)),
         unworn_um: closed(unworn.ste_um, None),
         worn_um: closed(worn.ste_um, None),

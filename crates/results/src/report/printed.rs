@@ -234,14 +234,14 @@ fn figures(
     let mut figures = vec![
         figure(
             "r_c",
-            "contact ratio <var>r</var><sub>c</sub>",
+            "contact ratio <var>ε</var><sub>γ</sub>",
             "",
             printed.contact_ratio,
             geometry.contact_ratio,
         ),
         figure(
             "g_s",
-            "specific slip <var>g</var><sub>s</sub>",
+            "specific sliding <var>ζ</var>",
             "",
             printed.specific_slip,
             geometry

@@ -129,6 +129,7 @@ impl Curves {
             phase,
             unworn_um,
             worn_um,
+            ..
         } = &self.ste;
         columns(&[
             ("phase", phase),
@@ -201,7 +202,7 @@ fn page(
             verdict.lines().next().unwrap_or_default()
         ),
         constraints: simulation.constraints.clone(),
-        figures: text::rows(figures)
+        figures: text::rows(figures, simulation.wear)
             .into_iter()
             .map(|(name, value)| (name.to_owned(), value))
             .collect(),

@@ -59,12 +59,18 @@ fn a_flank_class_scatters_random_samples_and_is_named() {
     let text = format!("{PAIR}[manufacture]\nflank_class = 6\n");
     let parsed = |text: &str| PairFile::parse("p.toml", text).unwrap();
     let (of_class, perfect) = (parsed(&text), parsed(PAIR));
-    for wear in [WearChoice::None, WearChoice::Archard] {
+    for (wear, state) in [
+        (WearChoice::None, "unworn"),
+        (WearChoice::Archard, "mean wear"),
+    ] {
         let request = Request { wear, ..UNWORN };
-        assert_eq!(
-            run(&of_class, request).unwrap(),
-            run(&perfect, request).unwrap()
-        );
+        let simulation = run(&of_class, request).unwrap();
+        assert_eq!(simulation, run(&perfect, request).unwrap());
+        // The figures that depend on wear say which wear they are for.
+        for figure in ["contact pressure", "ΔSTE"] {
+            let named = format!("\n{figure}, {state} ");
+            assert!(describe(&simulation).contains(&named), "{named}");
+        }
     }
     let random = Request {
         wear: WearChoice::Random,

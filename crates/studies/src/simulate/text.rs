@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use problem::formulation::Constraint;
 
-use super::{ContactRatio, Figures, Simulation};
+use super::{ContactRatio, Figures, Simulation, WearChoice};
 
 /// The simulation as text.
 #[must_use]
@@ -14,16 +14,22 @@ pub fn describe(simulation: &Simulation) -> String {
         return format!("the pair cannot be simulated: {reason}\n");
     };
     let mut text = String::new();
-    for (name, value) in rows(figures) {
+    for (name, value) in rows(figures, simulation.wear) {
         // Writing to a string does not fail.
         let _ = writeln!(text, "{name:<28}{value}");
     }
     text + "\n" + &verdict(&simulation.constraints)
 }
 
-/// The figures with their names and units, in the order in which they are shown.
-pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
+/// The figures with their names and units, in the order in which they are shown; `wear` is that of the analysis.
+pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, String)> {
     let mut rows = Vec::new();
+    let [pressure, delta_ste] = match wear {
+        WearChoice::None => ["contact pressure, unworn", "ΔSTE, unworn"],
+        WearChoice::Archard | WearChoice::Random => {
+            ["contact pressure, mean wear", "ΔSTE, mean wear"]
+        }
+    };
     let pair = |values: [f64; 2]| format!("{:.4}, {:.4}", values[0], values[1]);
     let mut line = |name: &'static str, value: String| rows.push((name, value));
     line(
@@ -89,10 +95,7 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         "flank margins",
         format!("{} mm", pair(figures.flank_margin_mm)),
     );
-    line(
-        "contact pressure",
-        format!("{:.1} MPa", figures.hertz_pressure_mpa),
-    );
+    line(pressure, format!("{:.1} MPa", figures.hertz_pressure_mpa));
     line(
         "root stresses, load at the tip",
         format!("{} MPa", pair(figures.root_stress_mpa)),
@@ -134,7 +137,7 @@ pub(super) fn rows(figures: &Figures) -> Vec<(&'static str, String)> {
         "pair stiffness at pitch",
         format!("{stiffness:.3} N/(mm µm)"),
     );
-    line("ΔSTE", format!("{:.4} µm", figures.delta_ste_um));
+    line(delta_ste, format!("{:.4} µm", figures.delta_ste_um));
     line("the model's own error", figures.model_error.to_owned());
     if let Some(scatter) = &figures.manufacture {
         if let (Some(class), Some([pinion, mate])) =

@@ -88,6 +88,13 @@ fn optional_keys_have_their_defaults() {
     assert_eq!(file.corrections(), gear::Corrections::default());
     assert_eq!(file.limits(), GearLimits::default());
     assert_eq!(file.wear, wear::default());
+    // One key leaves the others their defaults.
+    let rough = parse(&format!("{plain}[wear]\nvariance = 0.04\n")).unwrap();
+    let expected = gear::Wear {
+        variance: 0.04,
+        ..wear::default()
+    };
+    assert_eq!(rough.wear, expected);
     assert_eq!(
         parse(&format!("{plain}[corrections]\n"))
             .unwrap()
@@ -175,6 +182,21 @@ fn what_is_accepted_is_no_bad_input_of_the_simulator() {
 }
 
 #[test]
+fn a_file_of_the_other_kind_is_refused_as_such() {
+    let message = parse(Campaign::PAIR).unwrap_err();
+    assert!(
+        message.contains("format belongs to a campaign file") && message.contains("check"),
+        "{message}"
+    );
+    let message = Campaign::parse("p.toml", FULL).unwrap_err().to_string();
+    assert!(
+        message.starts_with("p.toml, line 2: pair.teeth belongs to a pair file")
+            && message.contains("simulate --pair"),
+        "{message}"
+    );
+}
+
+#[test]
 fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
     for (from, to, what) in [
         (
@@ -216,6 +238,11 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
             "tip_relief_length_mm = [2.0, 1.5]",
             "tip_relief_length_mm = [0.0, 1.5]",
             "corrections.tip_relief_length_mm is 0.0",
+        ),
+        (
+            "tip_relief_length_mm = [2.0, 1.5]",
+            "tip_relief_length_mm = [2.0, 40.0]",
+            "corrections.tip_relief_length_mm is 40.0, but must be at most 19.2",
         ),
         (
             "flank_class = 6",

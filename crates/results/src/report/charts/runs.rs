@@ -84,6 +84,7 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
         &curves.worn_um,
         Mark::Curve("8 3"),
         1,
+        curves.delta_um[1],
     );
     let unworn = (
         "unworn",
@@ -91,23 +92,20 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
         &curves.unworn_um,
         Mark::Curve(""),
         0,
+        curves.delta_um[0],
     );
-    for (name, what, values, mark, colour) in [unworn, worn] {
+    for (name, what, values, mark, colour, delta_um) in [unworn, worn] {
         if values.is_empty() {
             continue;
         }
         same_length(what, &curves.phase, values)?;
         let finite = || values.iter().copied().filter(|v| v.is_finite());
         let mean = finite().sum::<f64>() / finite().count().max(1) as f64;
-        let (low, high) = (
-            finite().fold(f64::INFINITY, f64::min),
-            finite().fold(f64::NEG_INFINITY, f64::max),
-        );
         series.push(Series {
             name: Some(format!(
                 "{name}: mean {} µm, ΔSTE {} µm",
                 number::significant(mean, 3),
-                number::significant(high - low, 3)
+                number::significant(delta_um, 3)
             )),
             mark,
             colour,

@@ -33,7 +33,7 @@ pub(super) struct DesignCells {
     /// The four radii in mm and the helix angle in degrees.
     pub(super) others: Vec<String>,
     pub(super) criterion: String,
-    /// r_c, g_s, σ_vm, p_H, interference margin.
+    /// ε_γ, ζ, σ_vm, p_H, interference margin.
     pub(super) constraints: Vec<Value>,
 }
 
@@ -154,7 +154,7 @@ fn is_further(constraint: &Constraint) -> bool {
     !COLUMNS.contains(&&*constraint.name) && !is_interference(constraint)
 }
 
-/// r_c, g_s, σ_vm, p_H and the least interference margin, marked where a limit is broken.
+/// ε_γ, ζ, σ_vm, p_H and the least interference margin, marked where a limit is broken.
 fn constraint_cells(constraints: &[Constraint], criteria: &GearCriteria) -> Vec<Value> {
     let is_broken = |of: &dyn Fn(&Constraint) -> bool| {
         let mut constraints = constraints.iter();

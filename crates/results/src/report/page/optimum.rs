@@ -159,7 +159,7 @@ fn caption(design: &paper::PrintedDesign) -> String {
         format!(", P90 {} µm from 500 samples", fixed(value, 2))
     });
     format!(
-        "{}; r_c {}, g_s {}, σ_vm {} MPa, p_H {} MPa; {} {} µm{p90}.",
+        "{}; ε_γ {}, ζ {}, σ_vm {} MPa, p_H {} MPa; {} {} µm{p90}.",
         symbols::design(&design.variables),
         fixed(design.contact_ratio, 2),
         fixed(

@@ -177,6 +177,7 @@ fn awkward_ranges_still_give_pictures() {
             phase: vec![0.0, 1.0],
             unworn_um: values.to_vec(),
             worn_um: Vec::new(),
+            delta_um: [values[1] - values[0], 0.0],
         };
         check_picture(&charts::ste(&curves).unwrap().standalone());
     }

@@ -442,6 +442,7 @@ fn ste(i: usize) -> SteCurves {
     SteCurves {
         unworn_um: wave(7.4, 0.17, 4.0),
         worn_um: wave(12.1, 0.7 + 0.2 * i as f64, 2.0),
+        delta_um: [0.5, 2.1 + 0.6 * i as f64],
         phase,
     }
 }

@@ -7,6 +7,7 @@ mod markup;
 
 use data::{no_optima, nothing, optima, plausible, problem, verification};
 use markup::{check, element_count};
+use problem::formulation::Design;
 use results::optima::Optima;
 use results::report::*;
 use stages::fitting::ModelSummary;
@@ -261,8 +262,8 @@ fn the_papers_tables_and_figures_come_in_its_order() {
     assert!(places.is_sorted(), "{places:?}");
     // What is printed with a figure stands beside the run's design.
     assert!(markup::text(&page).contains(
-        "Figure 9 of the paper prints x₁ −0.028, x₂ 0.86, ha₀₁ 1.26, ha₀₂ 1.32, hf₀₁ 1.2, hf₀₂ 0.81, \
-         ρa₁ 0.0003 mm, ρa₂ 0.19 mm, ρf₁ 0.64 mm, ρf₂ 0.23 mm, β₀ 30°; r_c 1.62, g_s 2.00, σ_vm 631 MPa, \
+        "Figure 9 of the paper prints x₁ −0.028, x₂ 0.86, haP₀₁ 1.26, haP₀₂ 1.32, hfP₀₁ 1.2, hfP₀₂ 0.81, \
+         ρa₁ 0.0003 mm, ρa₂ 0.19 mm, ρf₁ 0.64 mm, ρf₂ 0.23 mm, β 30°; ε_γ 1.62, ζ 2.00, σ_vm 631 MPa, \
          p_H 1115 MPa; ΔSTE with Archard’s wear 1.49 µm, P90 2.64 µm from 500 samples."
     ));
 }
@@ -285,6 +286,25 @@ fn other_campaigns_have_the_same_charts_and_no_empty_sections() {
         .filter_map(|rest| rest.split('"').next())
         .collect();
     assert_eq!(sections, ["summary", "campaign", "notes", "key"]);
+}
+
+#[test]
+fn a_variable_of_the_recommended_design_at_a_bound_is_noted() {
+    let page = |all| {
+        let mut data = plausible();
+        set_optima(&mut data, all);
+        markup::text(&render(&data).unwrap().html)
+    };
+    let note = "The recommended design has x₁ = 2, at an end of its range from -1 to 2";
+    assert!(!page(optima()).contains(note));
+    let mut all = optima();
+    for (optimum, _) in &mut all {
+        let design = &mut optimum.found.as_mut().unwrap().design;
+        let mut values = design.values().to_vec();
+        values[0] = 2.0;
+        *design = Design::new(values);
+    }
+    assert!(page(all).contains(note));
 }
 
 #[test]
@@ -319,7 +339,7 @@ fn the_key_explains_the_symbols_of_the_page() {
         .unwrap();
     for row in [
         "x 1 x p x_p profile shift coefficient of the pinion",
-        "hf 02 hf 0r hf0_r dedendum of the mate’s tool modules",
+        "hfP 02 hf 0r hf0_r dedendum of the mate’s tool modules",
         "p H F hertz_pressure_mpa greatest contact pressure, by Hertz’s theory MPa",
     ] {
         assert!(key.contains(row), "{row} in {key}");
