@@ -1,5 +1,6 @@
 //! `[wear]`: the law of the mean wear, by the number that it takes, and the random field.
 
+use gear::paper::{MAX_DEPTH_UM, WEAR};
 use gear::{Kernel, LocalAmount, Wear, WearLaw};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
@@ -9,7 +10,7 @@ use super::validate::{InvalidValue, Source};
 
 /// `[wear]`: the law of the mean wear, by the number that it takes, and its random field.
 ///
-/// The defaults are the values of the 2009 paper, with the depth that its coefficient gave.
+/// The defaults belong to the 2009 paper: the depth is the one that fits its tables, see [`gear::paper`].
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct WearSection {
@@ -41,21 +42,12 @@ pub(super) struct WearSection {
     variance: f64,
 }
 
-/// The depth without a number of any law, µm.
-const MAX_DEPTH_UM: f64 = 3.5;
-
 impl Default for WearSection {
     fn default() -> Self {
-        Self {
-            law: None,
-            max_depth_um: None,
-            coefficient_per_mpa: None,
-            wear_coefficient_mm2_per_n: None,
-            pinion_cycles: None,
-            kernel: Kernel::SquaredExponential,
-            range_rad: 0.2,
-            variance: 0.01,
-        }
+        let mut section = Self::from(WEAR);
+        // Another number may give the law.
+        section.max_depth_um = None;
+        section
     }
 }
 
@@ -224,9 +216,8 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Wear, D:
 }
 
 /// The wear of a file without the section.
-pub(super) fn default() -> Wear {
-    let section = WearSection::default();
-    section.try_into().expect("an empty section is valid")
+pub(super) const fn default() -> Wear {
+    WEAR
 }
 
 pub(super) fn validate(wear: &Wear, source: Source<'_>) -> Result<(), FileError> {
