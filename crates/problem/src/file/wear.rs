@@ -10,7 +10,7 @@ use super::validate::{InvalidValue, Source};
 
 /// `[wear]`: the law of the mean wear, by the number that it takes, and its random field.
 ///
-/// The defaults belong to the 2009 paper: the depth is the one that fits its tables, see [`gear::paper`].
+/// The defaults belong to the 2009 paper: the depth is the one that fits its tables, see the documentation of `gear::paper`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct WearSection {
