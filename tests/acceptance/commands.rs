@@ -204,6 +204,8 @@ fn simulate_warns_of_a_doubtful_unit_and_writes_a_page_into_an_empty_folder_only
         "ste.csv",
         "pressure.svg",
         "pressure.csv",
+        "torque.svg",
+        "torque.csv",
         "wear.svg",
         "wear.csv",
     ] {

@@ -81,6 +81,21 @@ pub struct PressureCurves {
     pub worn_mpa: Vec<f64>,
 }
 
+/// ΔSTE of a pair at several torques. Its flanks are worn at the torque that it is designed for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TorqueCurves {
+    /// Torques on the pinion, N·m.
+    pub torque_nm: Vec<f64>,
+    /// The torque that the pair is designed for, N·m; one of these.
+    pub design_nm: f64,
+    /// Unworn, µm.
+    pub unworn_um: Vec<f64>,
+    /// With the mean wear, µm; may be empty.
+    pub worn_um: Vec<f64>,
+    /// P10 and P90 over random wear, µm; may be empty.
+    pub band_um: [Vec<f64>; 2],
+}
+
 /// Contact pressure over the flank of one tooth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ContactPattern {

@@ -296,8 +296,8 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
     let folder = tempfile::tempdir().unwrap();
     let file = PairFile::parse("p.toml", PAIR).unwrap();
     for (name, wear, files) in [
-        ("new", WearChoice::None, 8),
-        ("worn", WearChoice::Random, 10),
+        ("new", WearChoice::None, 10),
+        ("worn", WearChoice::Random, 12),
     ] {
         let request = Request { wear, ..UNWORN };
         let simulation = run(&file, request).unwrap();
@@ -321,10 +321,23 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
         assert_eq!(std::fs::read_dir(&out).unwrap().count(), files);
         let figures = simulation.figures.unwrap();
         let read = |file: &str| std::fs::read_to_string(out.join(file)).unwrap();
+        // At the pair's own torque, ΔSTE is that of the figures.
+        let over_torque = read("torque.csv");
+        let own = over_torque.lines().find(|line| line.starts_with("100,"));
+        let own: Vec<f64> = own
+            .unwrap()
+            .split(',')
+            .map(|one| one.parse().unwrap())
+            .collect();
+        let (wanted, found) = (figures.delta_ste_um, own[if files == 12 { 2 } else { 1 }]);
+        assert!((found / wanted - 1.0).abs() < 1e-9, "{found} for {wanted}");
+        if let [_, _, worn, low, high] = own[..] {
+            assert!(low < worn && worn < high, "{low} to {high} around {worn}");
+        }
         // The extremes of the curves are those of the figures.
-        let pressure = largest(&read("pressure.csv"), if files == 10 { 2 } else { 1 });
+        let pressure = largest(&read("pressure.csv"), if files == 12 { 2 } else { 1 });
         assert_eq!(pressure, figures.hertz_pressure_mpa);
-        if files == 10 {
+        if files == 12 {
             let depth = largest(&read("wear.csv"), 3);
             assert!((depth - 3.5).abs() < 1e-12, "{depth}");
             assert!(read("wear.csv").starts_with("from_pitch_point_mm,pinion_roll_angle_rad,"));

@@ -97,7 +97,7 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, St
     );
     line(pressure, format!("{:.1} MPa", figures.hertz_pressure_mpa));
     line(
-        "root stresses, load at the tip",
+        "root stresses, load at tip",
         format!("{} MPa", pair(figures.root_stress_mpa)),
     );
     let rated = &figures.iso_6336;

@@ -11,6 +11,7 @@ mod rounds;
 mod runs;
 mod scatter;
 mod solid;
+mod torque;
 mod tradeoff;
 
 use crate::report::error::Error;
@@ -28,6 +29,7 @@ pub use rounds::{expected_improvement, prediction};
 pub use runs::{convergence, spectrum, ste};
 pub use scatter::{Extent, responses};
 pub use solid::solid;
+pub use torque::torque;
 pub use tradeoff::{TradeoffChart, TradeoffSeries, tradeoff};
 
 /// Half a page wide.

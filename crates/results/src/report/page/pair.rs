@@ -6,7 +6,9 @@ use problem::formulation::Constraint;
 use super::cells::Show as _;
 use super::figure::{Figure, figure};
 use crate::report::charts;
-use crate::report::drawing::{ContactPattern, GearDrawing, PressureCurves, SteCurves};
+use crate::report::drawing::{
+    ContactPattern, GearDrawing, PressureCurves, SteCurves, TorqueCurves,
+};
 use crate::report::error::Error;
 use crate::report::svg;
 use crate::report::wear::WearProfiles;
@@ -28,6 +30,8 @@ pub struct PairPage {
     pub drawing: GearDrawing,
     /// Static transmission error over the mesh.
     pub ste: SteCurves,
+    /// ΔSTE at several torques.
+    pub torque: TorqueCurves,
     /// Contact pressure along the path of contact.
     pub pressure: PressureCurves,
     /// Contact pressure over the flank.
@@ -48,6 +52,7 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
         chart_css: svg::CSS,
         section: figure("section", charts::gears(&data.drawing))?,
         ste: figure("ste", charts::ste(&data.ste))?,
+        torque: figure("torque", charts::torque(&data.torque))?,
         solid: figure("axonometric", charts::solid(&data.drawing))?,
         pressure: figure("pressure", charts::pressure(&data.pressure))?,
         contact: figure("contact", charts::contact(&data.contact))?,
@@ -70,6 +75,7 @@ struct Page<'a> {
     chart_css: &'static str,
     section: Figure,
     ste: Figure,
+    torque: Figure,
     solid: Figure,
     pressure: Figure,
     contact: Figure,
