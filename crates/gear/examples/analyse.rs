@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     println!(
         "ISO 6336, for comparison: {:#?}",
-        rating::rate(&pair, 1.0, &rating::Strength::default())
+        rating::rate(&pair, 1.0, &rating::Factors::default())
     );
 
     let (unworn, worn) = (pair.unworn(), pair.archard(&WEAR));

@@ -4,7 +4,7 @@
 //! geometry, the safeties S_F and S_H, the mesh stiffness c′ and c_γ, the part of the path that form
 //! circles leave, and the dimensions that a gear is measured by.
 //!
-//! Factors that do not follow from the geometry are inputs ([`Strength`]): application, dynamics, distribution of the
+//! Factors that do not follow from the geometry are inputs ([`Factors`]): application, dynamics, distribution of the
 //! load, life, lubricant, roughness, size. Left out: rims (Y_B = 1), the deep-tooth factor (Y_DT = 1), and the factor f_ZCa
 //! of the flank, which the edition of 2019 adds to Z_B and Z_D for helical gears without profile modification.
 //!
@@ -65,67 +65,89 @@ impl From<Edition> for u32 {
     }
 }
 
-/// What a rating takes besides geometry and load. Arrays are [pinion, gear].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Strength {
-    /// The edition for the roots.
+/// `[strength]`, optional: the factors of ISO 6336 that do not follow from the geometry. Two-element arrays are pinion,
+/// mate.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Factors {
+    /// Edition of ISO 6336-3 by which the roots are rated, 2006 or 2019.
     pub edition: Edition,
     /// Application factor K_A.
-    pub application: f64,
+    pub application_factor: f64,
     /// Dynamic factor K_v.
-    pub dynamic: f64,
-    /// Face load factor of the flanks K_Hβ, from which that of the roots follows.
-    pub face_load: f64,
-    /// Transverse load factor K_Hα = K_Fα.
-    pub transverse_load: f64,
-    /// σ_FG/σ_FE = Y_NT Y_δrelT Y_RrelT Y_X: life, notch sensitivity, surface, size.
+    pub dynamic_factor: f64,
+    /// Face load factor K_Hβ of the flanks, from which that of the roots follows.
+    pub face_load_factor: f64,
+    /// Transverse load factor K_Hα, for flanks and roots.
+    pub transverse_load_factor: f64,
+    /// Life factors of the roots Y_NT.
+    pub root_life_factor: [f64; 2],
+    /// Product of the other factors of the roots' strength, Y_δrelT Y_RrelT Y_X.
     pub root_factor: [f64; 2],
-    /// σ_HG/σ_Hlim = Z_NT Z_L Z_v Z_R Z_W Z_X: life, lubricant, speed, roughness, work hardening, size.
+    /// Life factors of the flanks Z_NT.
+    pub flank_life_factor: [f64; 2],
+    /// Product of the other factors of the flanks' strength, Z_L Z_v Z_R Z_W Z_X: those of the lubricant and the surface.
     pub flank_factor: [f64; 2],
-    /// Allowable stress number of the roots σ_FE = σ_Flim Y_ST, MPa, if it is known.
-    pub bending_limit_mpa: Option<f64>,
-    /// Allowable stress number of the flanks σ_Hlim, MPa.
-    pub contact_limit_mpa: f64,
 }
 
-impl Default for Strength {
-    /// All factors 1, and no stress allowed.
+impl Default for Factors {
+    /// All factors 1.
     fn default() -> Self {
         Self {
             edition: Edition::default(),
-            application: 1.0,
-            dynamic: 1.0,
-            face_load: 1.0,
-            transverse_load: 1.0,
+            application_factor: 1.0,
+            dynamic_factor: 1.0,
+            face_load_factor: 1.0,
+            transverse_load_factor: 1.0,
+            root_life_factor: [1.0; 2],
             root_factor: [1.0; 2],
+            flank_life_factor: [1.0; 2],
             flank_factor: [1.0; 2],
-            bending_limit_mpa: None,
-            contact_limit_mpa: 0.0,
         }
     }
 }
 
-impl Strength {
-    /// Safeties S_F = σ_FG/σ_F of roots with these stresses σ_F, MPa; `None` if the allowable stress is not known.
-    #[must_use]
-    pub fn root_safety(&self, stress_mpa: [f64; 2]) -> Option<[f64; 2]> {
-        let limit = self.bending_limit_mpa?;
-        Some([0, 1].map(|i| limit * self.root_factor[i] / stress_mpa[i]))
-    }
-
-    /// Safeties S_H = σ_HG/σ_H of flanks with these stresses σ_H, MPa.
-    #[must_use]
-    pub fn flank_safety(&self, stress_mpa: [f64; 2]) -> [f64; 2] {
-        [0, 1].map(|i| self.contact_limit_mpa * self.flank_factor[i] / stress_mpa[i])
-    }
-
+impl Factors {
     /// K_Fβ = K_Hβ^N_F with N_F = 1/(1 + h/b + (h/b)²) (ISO 6336-1, method C), where h is the greater tooth height and h/b at
     /// most 1/3.
     fn root_face_load(&self, geometry: &Geometry) -> f64 {
         let heights = [0, 1].map(|i| geometry.r_a[i] - geometry.r_f[i]);
         let slenderness = (heights[0].max(heights[1]) / geometry.face_width).min(1.0 / 3.0);
         let exponent = 1.0 / (1.0 + slenderness + slenderness * slenderness);
-        self.face_load.powf(exponent)
+        self.face_load_factor.powf(exponent)
+    }
+}
+
+/// What a pair's stresses are compared with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Strength {
+    /// The factors of the stresses, and of the allowable ones.
+    pub factors: Factors,
+    /// Allowable stress number of the roots σ_FE = σ_Flim Y_ST, MPa, if it is known.
+    pub bending_limit_mpa: Option<f64>,
+    /// Allowable stress number of the flanks σ_Hlim, MPa.
+    pub contact_limit_mpa: f64,
+}
+
+impl Strength {
+    /// Safeties S_F = σ_FE Y_NT Y_δrelT Y_RrelT Y_X/σ_F of roots with these stresses σ_F, MPa; `None` if the allowable
+    /// stress is not known.
+    #[must_use]
+    pub fn root_safety(&self, stress_mpa: [f64; 2]) -> Option<[f64; 2]> {
+        let (limit, factors) = (self.bending_limit_mpa?, &self.factors);
+        Some(
+            [0, 1].map(|i| {
+                limit * factors.root_life_factor[i] * factors.root_factor[i] / stress_mpa[i]
+            }),
+        )
+    }
+
+    /// Safeties S_H = σ_Hlim Z_NT Z_L Z_v Z_R Z_W Z_X/σ_H of flanks with these stresses σ_H, MPa.
+    #[must_use]
+    pub fn flank_safety(&self, stress_mpa: [f64; 2]) -> [f64; 2] {
+        let (limit, factors) = (self.contact_limit_mpa, &self.factors);
+        [0, 1]
+            .map(|i| limit * factors.flank_life_factor[i] * factors.flank_factor[i] / stress_mpa[i])
     }
 }
 
@@ -197,7 +219,7 @@ pub struct Rating {
 
 /// Rates a pair. `blank_factor` is C_R of ISO 6336-1, 1 for a solid blank.
 #[must_use]
-pub fn rate(pair: &UnloadedPair, blank_factor: f64, strength: &Strength) -> Rating {
+pub fn rate(pair: &UnloadedPair, blank_factor: f64, factors: &Factors) -> Rating {
     let (geometry, input) = (pair.geometry(), pair.input());
     let g = geometry;
     let material = &input.material;
@@ -219,10 +241,11 @@ pub fn rate(pair: &UnloadedPair, blank_factor: f64, strength: &Strength) -> Rati
         * z_beta
         * (line_load / (2.0 * g.r[0]) * (ratio + 1.0) / ratio).sqrt();
     let z_single = single_pair_factors(g);
-    let root = Member::BOTH.map(|member| root(pair, member, line_load, strength.edition));
-    let common = strength.application * strength.dynamic * strength.transverse_load;
-    let of_roots = common * strength.root_face_load(g);
-    let of_flanks = (common * strength.face_load).sqrt();
+    let root = Member::BOTH.map(|member| root(pair, member, line_load, factors.edition));
+    let common =
+        factors.application_factor * factors.dynamic_factor * factors.transverse_load_factor;
+    let of_roots = common * factors.root_face_load(g);
+    let of_flanks = (common * factors.face_load_factor).sqrt();
     Rating {
         tangential_force,
         z_h,

@@ -15,6 +15,7 @@ mod corrections;
 mod enrichment;
 mod external;
 mod failed;
+mod file_kind;
 mod form;
 mod formula;
 mod gear_sections;
@@ -62,7 +63,6 @@ pub use sampling::{ControlVariate, EstimatorRule, FailedSamples, Sampling, WearC
 pub use sections::{Load, Manufacture};
 pub use settings::{Doe, Optimise, TableRows, Verify};
 pub use simulator::{SimulatorKind, SimulatorSection, UmBridgeSection};
-pub use strength::Strength;
 pub(crate) use validate::Source;
 
 /// The errors of campaign and pair files.

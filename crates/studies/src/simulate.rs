@@ -161,14 +161,15 @@ struct Rated {
 
 impl Rated {
     fn of(pair: &Pair, strength: &rating::Strength) -> Self {
-        let rating = rating::rate(pair, 1.0, strength);
+        let factors = &strength.factors;
+        let rating = rating::rate(pair, 1.0, factors);
         Self {
-            edition: strength.edition,
+            edition: factors.edition,
             load_factors: [
-                strength.application,
-                strength.dynamic,
-                strength.face_load,
-                strength.transverse_load,
+                factors.application_factor,
+                factors.dynamic_factor,
+                factors.face_load_factor,
+                factors.transverse_load_factor,
             ],
             in_range: rating.in_range,
             nominal_root_stress_mpa: rating.root.map(|root| root.stress_mpa),
@@ -224,8 +225,8 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         Err(error) => return Err(error.into()),
     };
     let figures = figures(&pair, file, request)?;
-    let strength = file.strength.to_gear(&file.material);
-    let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&strength));
+    let strength = file.material.strength(file.strength);
+    let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&file.strength));
     let constraints = gears::constraints(&file.limits(), &strength, &criteria);
     Ok(Simulation {
         schema_version: SCHEMA_VERSION,
@@ -312,7 +313,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
         notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
-        iso_6336: Rated::of(pair, &file.strength.to_gear(&file.material)),
+        iso_6336: Rated::of(pair, &file.material.strength(file.strength)),
         pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
         ste_um: Curve {
             phase: analysis.phases,

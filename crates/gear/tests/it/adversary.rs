@@ -295,7 +295,7 @@ pub(crate) fn check(pair: &Pair, wear: &Wear, rng: &mut StreamRng) -> Result<(),
         fine("notch", &[stress.notch_factor], 1.0)?;
     }
     fine("stiffness", &[pair.pitch_stiffness()], f64::MIN_POSITIVE)?;
-    let rating = rating::rate(pair, 1.0, &rating::Strength::default());
+    let rating = rating::rate(pair, 1.0, &rating::Factors::default());
     for root in rating.root {
         fine(
             "rated root",

@@ -44,18 +44,22 @@ fn quantity(pair: &Pair, case: &Value, symbol: &str) -> f64 {
     let g = pair.geometry();
     let factor = |key: &str| case[key].as_f64().unwrap_or(1.0);
     let both = |key: &str| [0, 1].map(|i| case[key][i].as_f64().unwrap_or(1.0));
-    let strength = rating::Strength {
+    let factors = rating::Factors {
         edition: rating::Edition::Of2006,
-        application: factor("K_A"),
-        dynamic: factor("K_v"),
-        face_load: factor("K_Hbeta"),
-        transverse_load: factor("K_Halpha"),
+        application_factor: factor("K_A"),
+        dynamic_factor: factor("K_v"),
+        face_load_factor: factor("K_Hbeta"),
+        transverse_load_factor: factor("K_Halpha"),
         root_factor: both("sigma_FG_over_sigma_FE"),
         flank_factor: both("sigma_HG_over_sigma_Hlim"),
+        ..rating::Factors::default()
+    };
+    let strength = rating::Strength {
+        factors,
         bending_limit_mpa: case["sigma_FE"].as_f64(),
         contact_limit_mpa: factor("sigma_Hlim"),
     };
-    let rating = rating::rate(pair, factor("C_R"), &strength);
+    let rating = rating::rate(pair, factor("C_R"), &factors);
     let root_safety = strength.root_safety(rating.root_stress_mpa);
     let root_safety = root_safety.unwrap_or([f64::NAN; 2]);
     let flank_safety = strength.flank_safety(rating.flank_stress_mpa);

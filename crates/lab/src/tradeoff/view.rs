@@ -14,7 +14,7 @@ pub struct Pair {
     pub error: usize,
     /// The rule that chooses the recommended setting.
     pub rule: Rule,
-    /// Whether the user's task gives the cost, so that nobody chooses it: the time of a program's sample.
+    /// Whether the cost is given by the task and is not a choice, as the time of a program's sample is.
     pub given: bool,
 }
 

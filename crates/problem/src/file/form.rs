@@ -5,13 +5,14 @@ use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
 use super::accuracy::AccuracySection;
-use super::validate::{FileKind, Source};
+use super::file_kind::FileKind;
+use super::validate::Source;
 use super::{
     Bounds, Budget, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe,
     Enrichment, ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind,
     Kriging, Load, Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection,
-    Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, Strength, VariableSection,
-    Verify, wear,
+    Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify,
+    strength, wear,
 };
 use crate::approach::Approach;
 
@@ -61,8 +62,8 @@ pub(crate) struct GearFile {
     #[serde(with = "wear")]
     #[schemars(with = "wear::WearSection")]
     wear: gear::Wear,
-    #[serde(default, skip_serializing_if = "Strength::is_default")]
-    strength: Strength,
+    #[serde(default, skip_serializing_if = "strength::is_default")]
+    strength: gear::rating::Factors,
     manufacture: Option<Manufacture>,
     bounds: Bounds,
     frozen: Option<FrozenSection>,

@@ -7,7 +7,7 @@ use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
 use super::pair::sizes;
 use super::validate::{InvalidValue, Source, TEETH};
 use super::{
-    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, Strength, accuracy,
+    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, strength,
     wear,
 };
 
@@ -23,7 +23,7 @@ pub struct GearSections {
     /// `[wear]`
     pub wear: gear::Wear,
     /// `[strength]`
-    pub strength: Strength,
+    pub strength: gear::rating::Factors,
     /// `[manufacture]`
     pub manufacture: Option<Manufacture>,
     /// `[bounds]`
@@ -113,7 +113,7 @@ impl GearSections {
         self.pair.validate(source)?;
         self.load.validate(source)?;
         self.material.validate(source)?;
-        self.strength.validate(source)?;
+        strength::validate(&self.strength, source)?;
         self.constraints.needs_of(&self.material, source)?;
         wear::validate(&self.wear, source)?;
         if let Some(manufacture) = &self.manufacture {

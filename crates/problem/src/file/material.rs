@@ -305,6 +305,16 @@ impl Material {
         within("material.bending_limit_mpa", limit, 1e-3, 1e9, "MPa")
     }
 
+    /// The strength of the material with these factors.
+    #[must_use]
+    pub const fn strength(&self, factors: gear::rating::Factors) -> gear::rating::Strength {
+        gear::rating::Strength {
+            factors,
+            bending_limit_mpa: self.bending_limit_mpa,
+            contact_limit_mpa: self.contact_limit_mpa,
+        }
+    }
+
     /// The simulator's material, in MPa.
     #[must_use]
     pub fn to_gear(&self) -> gear::Material {

@@ -5,8 +5,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::corrections::PairCorrections;
-use super::validate::{FileKind, Source};
-use super::{FileError, GearLimits, Load, Manufacture, Material, Strength, wear};
+use super::file_kind::FileKind;
+use super::validate::Source;
+use super::{FileError, GearLimits, Load, Manufacture, Material, strength, wear};
 
 #[cfg(test)]
 mod tests;
@@ -22,8 +23,8 @@ pub struct PairFile {
     /// `[material]`
     pub material: Material,
     /// `[strength]`, optional. Without it every factor of ISO 6336 that does not follow from the geometry is 1.
-    #[serde(default, skip_serializing_if = "Strength::is_default")]
-    pub strength: Strength,
+    #[serde(default, skip_serializing_if = "strength::is_default")]
+    pub strength: gear::rating::Factors,
     /// `[wear]`, optional.
     #[serde(default = "wear::default", with = "wear")]
     #[schemars(with = "wear::WearSection")]
@@ -124,7 +125,7 @@ impl PairFile {
         }
         self.load.validate(source)?;
         self.material.validate(source)?;
-        self.strength.validate(source)?;
+        strength::validate(&self.strength, source)?;
         wear::validate(&self.wear, source)?;
         if let Some(constraints) = &self.constraints {
             constraints.needs_of(&self.material, source)?;
@@ -145,29 +146,9 @@ impl PairFile {
         let grid = gear::Discretisation::of(input.tooth_model);
         let pair = gear::UnloadedPair::new(&input, &corrections, &grid);
         let error = match pair {
+            Ok(pair) => return of_relief(&pair, source),
             Err(gear::Error::Input(error)) => error,
             Err(_) => return Ok(()),
-            Ok(pair) => {
-                let [start, end] = pair.geometry().path_left();
-                let mut lengths = corrections
-                    .tip_relief
-                    .iter()
-                    .flatten()
-                    .map(|relief| relief.length);
-                return lengths
-                    .find(|length| *length > end - start)
-                    .map_or(Ok(()), |length| {
-                        source.require(
-                            false,
-                            "corrections.tip_relief_length_mm",
-                            length,
-                            &format!(
-                                "at most {:.3} mm, the length of the path of contact",
-                                end - start
-                            ),
-                        )
-                    });
-            }
         };
         let place = match error.field {
             "face_width" => Some(("pair.face_width_mm", error.value)),
@@ -253,6 +234,20 @@ impl PairFile {
             material: self.material.to_gear(),
         }
     }
+}
+
+/// Requires that the tip relief leaves some of the path of contact.
+fn of_relief(pair: &gear::UnloadedPair, source: Source<'_>) -> Result<(), FileError> {
+    let [start, end] = pair.geometry().path_left();
+    let reliefs = pair.corrections().tip_relief;
+    let expected = format!(
+        "at most {:.3} mm, the length of the path of contact",
+        end - start
+    );
+    reliefs.into_iter().flatten().try_for_each(|relief| {
+        let key = "corrections.tip_relief_length_mm";
+        source.require(relief.length <= end - start, key, relief.length, &expected)
+    })
 }
 
 /// Requires at least one of the two ways to give a pair's size.

@@ -163,15 +163,15 @@ impl Gears {
     ) -> GearCriteria {
         let sections = &self.sections;
         let is_detailed = sections.constraints.need_details();
-        let strength = is_detailed.then(|| sections.strength.to_gear(&sections.material));
-        GearCriteria::of_pair(pair, hertz_pressure_mpa, strength.as_ref())
+        let factors = is_detailed.then_some(&sections.strength);
+        GearCriteria::of_pair(pair, hertz_pressure_mpa, factors)
     }
 
     /// All constraints, with their signed distance from the limit.
     pub(super) fn constraints(&self, criteria: &GearCriteria) -> Vec<Constraint> {
         constraints(
             &self.sections.constraints,
-            &self.sections.strength.to_gear(&self.sections.material),
+            &self.sections.material.strength(self.sections.strength),
             criteria,
         )
     }

@@ -152,6 +152,7 @@ impl<R: Recorder> Receiver<'_, R> {
         };
         let samples = &read.unit.samples;
         let is_answer = match read.is_refused {
+            // Responses of the campaign file refuse a design without a program.
             true => known < u32::MAX,
             false => samples.end > known.max(samples.start),
         };

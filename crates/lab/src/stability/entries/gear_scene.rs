@@ -96,9 +96,9 @@ pub(super) fn broken(outcome: &mut Outcome, pair: &Pair, expected: &str) -> Resu
         tip_land_min_modules: Some(0.2),
         ..sections.constraints
     };
-    let strength = sections.strength.to_gear(&sections.material);
+    let strength = sections.material.strength(sections.strength);
     let pressure = pair.unworn().hertz_pressure_mpa;
-    let criteria = GearCriteria::of_pair(pair, pressure, Some(&strength));
+    let criteria = GearCriteria::of_pair(pair, pressure, Some(&strength.factors));
     let mut is_broken = false;
     for constraint in constraints(&limits, &strength, &criteria) {
         if !constraint.holds() {

@@ -112,12 +112,12 @@ impl GearCriteria {
     const COUNT: usize = 9;
 
     /// The criteria of a pair, with the contact pressure of the relevant analysis in MPa. Its details are rated with
-    /// `strength`, and left out without it.
+    /// `factors`, and left out without them.
     #[must_use]
     pub fn of_pair(
         pair: &gear::UnloadedPair,
         hertz_pressure_mpa: f64,
-        strength: Option<&rating::Strength>,
+        factors: Option<&rating::Factors>,
     ) -> Self {
         let geometry = pair.geometry();
         let interference = pair.interference();
@@ -130,7 +130,7 @@ impl GearCriteria {
             clearance_mm: interference.clearance,
             flank_margin_mm: interference.flank_margin,
             normal_module_mm: geometry.normal_module,
-            details: strength.map(|strength| GearDetails::of_pair(pair, strength)),
+            details: factors.map(|factors| GearDetails::of_pair(pair, factors)),
         }
     }
 
@@ -176,9 +176,9 @@ impl GearCriteria {
 impl GearDetails {
     const COUNT: usize = 8;
 
-    fn of_pair(pair: &gear::UnloadedPair, strength: &rating::Strength) -> Self {
+    fn of_pair(pair: &gear::UnloadedPair, factors: &rating::Factors) -> Self {
         let geometry = pair.geometry();
-        let rating = rating::rate(pair, 1.0, strength);
+        let rating = rating::rate(pair, 1.0, factors);
         Self {
             transverse_contact_ratio: geometry.eps_alpha_left(),
             tip_land_mm: rating::tip_land(geometry),
