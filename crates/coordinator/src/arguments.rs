@@ -19,8 +19,8 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    Corrections, FinishedCampaign, Pareto, Sensitivity, SimulateCluster, SleepProgram, Stability,
-    Sweep, Tradeoff,
+    FinishedCampaign, Pareto, Sensitivity, SimulateCluster, SleepProgram, Stability, Sweep,
+    Tradeoff,
 };
 
 /// Plans a Monte Carlo campaign of gear designs, leases its jobs to workers, and writes the report.
@@ -63,8 +63,6 @@ pub(crate) enum Command {
     Discard(Discard),
     /// Run a campaign for each of several numbers of teeth, and compare
     Sweep(Sweep),
-    /// Design with and without profile corrections, and compare
-    Corrections(Corrections),
     /// Measure how the wear's parameters and tolerances affect the recommended design
     Sensitivity(Sensitivity),
     /// Show the trade-off between the percentile and the contact pressure or the root stress

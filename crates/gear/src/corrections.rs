@@ -196,6 +196,16 @@ impl Corrections {
             .sum()
     }
 
+    /// Length of the path of contact on which no relief takes material off, mm; negative where reliefs are longer
+    /// than the path.
+    #[must_use]
+    pub fn pure_involute(&self, geometry: &Geometry) -> f64 {
+        let relieved = self.tip_relief.iter().flatten();
+        let relieved = relieved.filter(|relief| relief.amount > 0.0);
+        let lengths: f64 = relieved.map(|relief| relief.length).sum();
+        geometry.s_out - geometry.s_in - lengths
+    }
+
     /// Whether some tip is relieved.
     pub(crate) fn has_relief(&self) -> bool {
         self.tip_relief

@@ -237,6 +237,7 @@ mod tests {
             kernel,
             range: 0.2,
             variance: 0.01,
+            life: None,
         }
     }
 

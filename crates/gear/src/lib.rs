@@ -171,4 +171,4 @@ pub use plain::PlainSum;
 pub use root_stress::RootStress;
 pub use sampler::{Sampler, WearProfile, draw_coefficients};
 pub use unloaded::UnloadedPair;
-pub use wear::WornPair;
+pub use wear::{FlankWear, WornPair};

@@ -33,7 +33,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Geometry;
-use crate::input::InputError;
+use crate::input::{InputError, Member};
+use crate::pair::Pair;
 
 /// The tolerance of a deviation, in standard deviations of it.
 pub const TOLERANCE_IN_SD: f64 = 3.0;
@@ -130,6 +131,8 @@ pub struct Scatter {
     pub flank_class: Option<FlankClass>,
     /// Tolerance ± of the misalignment of the shafts in the plane of action over the face, mm.
     pub misalignment: f64,
+    /// Tolerance ± of the amount of each tip relief, mm. A relief has no less than no amount.
+    pub tip_relief: f64,
 }
 
 impl Scatter {
@@ -139,12 +142,13 @@ impl Scatter {
         Self {
             flank_class: Some(class),
             misalignment: 0.0,
+            tip_relief: 0.0,
         }
     }
 }
 
 /// The random deviations of a pair, one standard normal coefficient each: profile slopes of pinion and
-/// gear, their helix slopes, and the misalignment; those that do not scatter are left out.
+/// gear, their helix slopes, the misalignment, and the amounts of tip relief; those that do not scatter are left out.
 #[derive(Debug, Clone)]
 pub(crate) struct Deviations {
     /// Standard deviations of f_Hα of both gears, mm.
@@ -153,20 +157,36 @@ pub(crate) struct Deviations {
     tilts: Vec<f64>,
     /// x cos β_b at the nodes of the path.
     shape: Vec<f64>,
+    /// The gears' tip reliefs, if their amounts scatter.
+    reliefs: Vec<Relief>,
+    /// Standard deviation of the amount of a relief, mm.
+    relief_sd: f64,
+}
+
+/// A tip relief whose amount scatters.
+#[derive(Debug, Clone)]
+struct Relief {
+    /// Amount as designed, mm.
+    amount: f64,
+    /// Depth at the nodes of the path for one mm of amount.
+    shape: Vec<f64>,
 }
 
 /// One draw of the deviations.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct Deviation {
     /// f_Hα of both gears, mm.
     pub(crate) profile: [f64; 2],
     /// Growth of the gap along the face, mm.
     pub(crate) tilt: f64,
+    /// By how much the amounts of the tip reliefs deviate, mm.
+    relief: Vec<f64>,
 }
 
 impl Deviations {
-    /// The deviations of a pair at the places `s`; with `may_tilt` those along the face, too.
-    pub(crate) fn new(scatter: Scatter, geometry: &Geometry, s: &[f64], may_tilt: bool) -> Self {
+    /// The deviations of a pair; with `may_tilt` those along the face, too.
+    pub(crate) fn new(scatter: Scatter, pair: &Pair, may_tilt: bool) -> Self {
+        let (geometry, s) = (pair.geometry(), pair.path());
         let (middle, length) = (
             0.5 * (geometry.s_in + geometry.s_out),
             geometry.s_out - geometry.s_in,
@@ -190,12 +210,18 @@ impl Deviations {
             profile: class.map(|class| of(class.slope_tolerances(geometry))),
             tilts,
             shape: s.iter().map(|s| normal * (s - middle) / length).collect(),
+            reliefs: if scatter.tip_relief > 0.0 {
+                reliefs(pair)
+            } else {
+                Vec::new()
+            },
+            relief_sd: scatter.tip_relief / TOLERANCE_IN_SD,
         }
     }
 
     /// Number of coefficients of a draw.
     pub(crate) fn modes(&self) -> usize {
-        self.profile.map_or(0, |profile| profile.len()) + self.tilts.len()
+        self.profile.map_or(0, |profile| profile.len()) + self.tilts.len() + self.reliefs.len()
     }
 
     /// Whether the gap along the face scatters.
@@ -210,16 +236,45 @@ impl Deviations {
         Deviation {
             profile: self.profile.map_or([0.0; 2], |sd| sd.map(|sd| sd * next())),
             tilt: self.tilts.iter().map(|tilt| tilt * next()).sum(),
+            relief: self
+                .reliefs
+                .iter()
+                .map(|relief| (self.relief_sd * next()).max(-relief.amount))
+                .collect(),
         }
     }
 
-    /// Adds profile slope deviations to the gap at the nodes.
-    pub(crate) fn add_to(&self, gap: &mut [f64], profile: [f64; 2]) {
-        let difference = profile[1] - profile[0];
+    /// Adds the deviations along the profile to the gap at the nodes.
+    pub(crate) fn add_to(&self, gap: &mut [f64], deviation: &Deviation) {
+        let difference = deviation.profile[1] - deviation.profile[0];
         for (gap, shape) in gap.iter_mut().zip(&self.shape) {
             *gap += difference * shape;
         }
+        for (relief, more) in self.reliefs.iter().zip(&deviation.relief) {
+            for (gap, shape) in gap.iter_mut().zip(&relief.shape) {
+                *gap += more * shape;
+            }
+        }
     }
+}
+
+/// The tip reliefs of a pair.
+fn reliefs(pair: &Pair) -> Vec<Relief> {
+    let (geometry, all) = (pair.geometry(), pair.corrections().tip_relief);
+    let of = |member: Member| {
+        let relief = all[member.index()].filter(|relief| relief.amount > 0.0)?;
+        let of_one = crate::TipRelief {
+            amount: 1.0,
+            ..relief
+        };
+        let alone = crate::Corrections::default().with_tip_relief(member, of_one);
+        let places = pair.path().iter();
+        Some(Relief {
+            amount: relief.amount,
+            shape: places.map(|&s| alone.relief_at(geometry, s)).collect(),
+        })
+    };
+    Member::BOTH.into_iter().filter_map(of).collect()
 }
 
 #[cfg(test)]

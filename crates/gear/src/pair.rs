@@ -184,6 +184,11 @@ impl Pair {
         self.unworn.clone()
     }
 
+    /// The pair before its contact was solved.
+    pub(crate) const fn unloaded(&self) -> &UnloadedPair {
+        &self.unloaded
+    }
+
     /// Transverse transmission error in µm for a normal deflection in mm.
     pub(crate) fn to_ste_um(&self, delta: f64) -> f64 {
         delta / self.geometry().beta_b.cos() * UM

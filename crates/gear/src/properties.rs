@@ -319,6 +319,7 @@ proptest! {
                 kernel: Kernel::ALL[seed as usize % Kernel::ALL.len()],
                 range: 0.2,
                 variance: 0.02,
+                life: None,
             };
             let mut rng = stream(1, Purpose::Test, 0, seed);
             let profile = pair.sampler(&wear).draw_profile(&mut rng);

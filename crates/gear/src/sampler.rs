@@ -15,7 +15,7 @@ use crate::input::{Member, Wear};
 use crate::manufacture::{Deviation, Deviations, Scatter};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
-use crate::wear::subtract_lowest;
+use crate::wear::{FlankWear, subtract_lowest};
 
 /// One random wear of both gears, as a curve over the roll angle of each.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,6 +45,8 @@ pub struct Sampler {
     roll: [Vec<f64>; 2],
     depth: [Vec<f64>; 2],
     deviations: Deviations,
+    /// The least share of the mean depth that is worn off, and by how much the greatest exceeds it.
+    life: Option<[f64; 2]>,
     /// Whether the depth may be negative.
     signed: bool,
     relief: Vec<f64>,
@@ -53,6 +55,8 @@ pub struct Sampler {
     normals: Vec<f64>,
     theta: [Vec<f64>; 2],
     deviation: Deviation,
+    /// The share of the mean depth in the last draw.
+    share: f64,
     gap: Vec<f64>,
     scratch: Scratch,
 }
@@ -77,12 +81,20 @@ impl Pair {
     /// As [`sampler`](Self::sampler), for gears that deviate at random by this scatter of manufacture.
     #[must_use]
     pub fn sampler_with(&self, wear: &Wear, scatter: Scatter) -> Sampler {
-        Sampler::new(self, wear, scatter)
+        self.sampler_on(&self.flank_wear(wear), wear, scatter)
+    }
+
+    /// As [`sampler_with`](Self::sampler_with), for flanks with the mean wear `flanks`, which another load may have
+    /// worn; from `wear` are the random multiplier and the random share of the depth. Samplers of one pair under
+    /// several loads have the same flanks for the same coefficients.
+    #[must_use]
+    pub fn sampler_on(&self, flanks: &FlankWear, wear: &Wear, scatter: Scatter) -> Sampler {
+        Sampler::new(self, flanks, wear, scatter)
     }
 }
 
 impl Sampler {
-    fn new(pair: &Pair, wear: &Wear, scatter: Scatter) -> Self {
+    fn new(pair: &Pair, flanks: &FlankWear, wear: &Wear, scatter: Scatter) -> Self {
         let geometry = pair.geometry();
         let roll = Member::BOTH.map(|member| -> Vec<f64> {
             pair.path()
@@ -98,30 +110,38 @@ impl Sampler {
             Field::new(wear, interval, &roll[member.index()])
         });
         let tilts = pair.input().tooth_model.knows_the_face();
-        let deviations = Deviations::new(scatter, geometry, pair.path(), tilts);
-        let (mean_gap, _) = pair.worn_gap(wear, &pair.depth(wear));
+        let deviations = Deviations::new(scatter, pair, tilts);
+        let depth = flanks.at(pair.path());
+        let (mean_gap, _) = pair.worn_gap(flanks.adds_material(), &depth);
+        let mean_share = wear.mean_share();
         Self {
             mesh: pair.mesh_of(&mean_gap, deviations.tilts()).ok(),
             fields,
             roll,
-            depth: pair.depth(wear),
+            depth,
             deviations,
-            signed: wear.law.adds_material(),
+            life: wear
+                .life
+                .filter(|_| mean_share > 0.0)
+                .map(|[from, to]| [from / mean_share, (to - from) / mean_share]),
+            signed: flanks.adds_material(),
             relief: pair.relief.clone(),
             scale: pair.to_ste_um(1.0),
             normals: Vec::new(),
             theta: [Vec::new(), Vec::new()],
             deviation: Deviation::default(),
+            share: 1.0,
             gap: Vec::new(),
             scratch: Scratch::default(),
         }
     }
 
-    /// Number of random numbers in a draw: the modes of both fields, and one for each deviation of
-    /// manufacture.
+    /// Number of random numbers in a draw: the modes of both fields, one for each deviation of
+    /// manufacture, and one for a random share of the depth.
     #[must_use]
     pub fn modes(&self) -> usize {
-        self.fields[0].rank() + self.fields[1].rank() + self.deviations.modes()
+        let life = usize::from(self.life.is_some());
+        self.fields[0].rank() + self.fields[1].rank() + self.deviations.modes() + life
     }
 
     /// Share of the variance of each gear's multiplier, [pinion, gear], that the truncated
@@ -163,7 +183,7 @@ impl Sampler {
     }
 
     /// ΔSTE in µm of the pair worn according to the coefficients of the fields' modes, those of the
-    /// pinion's field first and those of the deviations last. Standard normal coefficients
+    /// pinion's field first, then those of the deviations, and that of the share last. Standard normal coefficients
     /// make it a [`draw`](Self::draw), zeros Archard's wear. Missing coefficients count as zero;
     /// those beyond [`modes`](Self::modes) are ignored.
     pub fn at(&mut self, coefficients: &[f64]) -> f64 {
@@ -173,7 +193,11 @@ impl Sampler {
             field.evaluate(own, theta);
             rest = others;
         }
-        let [pinion, gear] = &self.depth;
+        let (deviations, life) = rest.split_at(self.deviations.modes().min(rest.len()));
+        self.share = self.life.map_or(1.0, |[least, more]| {
+            least + more * stats::normal_probability(life.first().copied().unwrap_or_default())
+        });
+        let ([pinion, gear], share) = (&self.depth, self.share);
         self.gap.clear();
         // For equal depths the second term is zero, and the gap is exactly the depth times a + b.
         self.gap.extend(
@@ -182,13 +206,14 @@ impl Sampler {
                 .zip(gear)
                 .zip(&self.relief)
                 .zip(self.theta[0].iter().zip(&self.theta[1]))
-                .map(|(((d1, d2), relief), (a, b))| relief + (d1 * (a + b) + (d2 - d1) * b)),
+                .map(|(((d1, d2), relief), (a, b))| {
+                    relief + share * (d1 * (a + b) + (d2 - d1) * b)
+                }),
         );
-        self.deviation = self.deviations.of(rest);
+        self.deviation = self.deviations.of(deviations);
         let scatters = self.deviations.modes() > 0;
         if scatters {
-            self.deviations
-                .add_to(&mut self.gap, self.deviation.profile);
+            self.deviations.add_to(&mut self.gap, &self.deviation);
         }
         if self.signed || scatters {
             subtract_lowest(&mut self.gap);
@@ -207,7 +232,7 @@ impl Sampler {
             let theta = self.theta[i].iter();
             let worn = theta
                 .zip(&self.depth[i])
-                .map(|(theta, depth)| theta * depth);
+                .map(|(theta, depth)| self.share * (theta * depth));
             worn.collect()
         });
         WearProfile {

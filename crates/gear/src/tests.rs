@@ -527,6 +527,7 @@ fn wear_of_any_kernel_is_drawn() {
             kernel,
             range: 0.05,
             variance: 0.3,
+            life: None,
         };
         let mut sampler = pair.sampler(&wear);
         let mut rng = stats::streams::stream(1, stats::streams::Purpose::Test, 0, 0);
@@ -546,6 +547,7 @@ fn a_draw_is_the_response_at_its_coefficients_and_all_but_linear_in_them() {
         kernel: Kernel::SquaredExponential,
         range: 0.2,
         variance: 0.01,
+        life: None,
     };
     let mut sampler = pair.sampler(&wear);
     let modes = sampler.modes();

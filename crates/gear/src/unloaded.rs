@@ -114,6 +114,13 @@ impl UnloadedPair {
         })
     }
 
+    /// The same pair under another torque on the pinion, N·mm.
+    pub(crate) fn under(mut self, pinion_torque: f64) -> Self {
+        self.input.pinion_torque = pinion_torque;
+        self.base_force = pinion_torque / self.geometry.r_b[0];
+        self
+    }
+
     /// The path of contact, with nodes where the compliance or a relief has a kink.
     pub(crate) fn path(&self) -> Path {
         let geometry = &self.geometry;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::analysis::{Analysis, line_loads, pressures};
+use crate::error::Infeasibility;
 use crate::input::{LocalAmount, Member, Wear, WearLaw};
 use crate::mesh::{Mesh, Scratch};
 use crate::pair::Pair;
@@ -21,15 +22,89 @@ pub struct WornPair {
     pub pressure: Vec<f64>,
 }
 
+/// The mean wear of both flanks.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlankWear {
+    /// Places on the path of contact, mm from the pinion's base tangent point; increasing.
+    s: Vec<f64>,
+    /// Depth at those places on the pinion's flank and on the gear's, mm.
+    depth: [Vec<f64>; 2],
+    /// Whether the depth may be negative.
+    adds_material: bool,
+}
+
+impl FlankWear {
+    /// The same wear with `factor` times the depth everywhere.
+    #[must_use]
+    pub fn scaled(mut self, factor: f64) -> Self {
+        for depth in self.depth.iter_mut().flatten() {
+            *depth *= factor;
+        }
+        self
+    }
+
+    /// Whether the depth may be negative.
+    pub(crate) const fn adds_material(&self) -> bool {
+        self.adds_material
+    }
+
+    /// The depth at these increasing places, linear between those that are known and constant beyond them.
+    pub(crate) fn at(&self, places: &[f64]) -> [Vec<f64>; 2] {
+        if places == self.s {
+            return self.depth.clone();
+        }
+        self.depth.each_ref().map(|depth| {
+            let of = |place: &f64| {
+                let after = self.s.partition_point(|known| known <= place);
+                if after == 0 || after == self.s.len() {
+                    return depth[after.min(depth.len() - 1)];
+                }
+                let [from, to] = [self.s[after - 1], self.s[after]];
+                let share = (place - from) / (to - from);
+                depth[after - 1] + share * (depth[after] - depth[after - 1])
+            };
+            places.iter().map(of).collect()
+        })
+    }
+}
+
 impl Pair {
-    /// Wears both flanks by the mean wear and analyses the worn pair.
+    /// The same pair under another torque on the pinion, N·mm.
     ///
-    /// [`WearLaw`] has the depth on each flank; the random part of `wear` is not used. A wear that
-    /// [`Wear::validate`] refuses gives NaN, never a panic.
+    /// # Errors
+    /// [`Infeasibility::ContactUnresolved`], with the tooth model `coupled` only.
+    pub fn under(&self, pinion_torque: f64) -> Result<Self, Infeasibility> {
+        self.unloaded().clone().under(pinion_torque).load()
+    }
+
+    /// The mean wear of the flanks under the load of this pair: that of [`WearLaw`], times the
+    /// [mean share](Wear::mean_share). The random part of `wear` is not used.
+    #[must_use]
+    pub fn flank_wear(&self, wear: &Wear) -> FlankWear {
+        let whole = FlankWear {
+            s: self.path().to_vec(),
+            depth: self.depth(wear),
+            adds_material: wear.law.adds_material(),
+        };
+        match wear.life {
+            Some(_) => whole.scaled(wear.mean_share()),
+            None => whole,
+        }
+    }
+
+    /// Wears both flanks by the mean wear under the pair's own load, and analyses the worn pair.
+    ///
+    /// A wear that [`Wear::validate`] refuses gives NaN, never a panic.
     #[must_use]
     pub fn archard(&self, wear: &Wear) -> WornPair {
-        let depth = self.depth(wear);
-        let (gap, lowest) = self.worn_gap(wear, &depth);
+        self.worn(&self.flank_wear(wear))
+    }
+
+    /// Analyses the pair with worn flanks, which another load may have worn.
+    #[must_use]
+    pub fn worn(&self, wear: &FlankWear) -> WornPair {
+        let depth = wear.at(self.path());
+        let (gap, lowest) = self.worn_gap(wear.adds_material, &depth);
         let mesh = self.worn_mesh(&gap);
         let mut scratch = Scratch::default();
         let extremes = mesh.solve(&gap, &mut scratch);
@@ -82,7 +157,10 @@ impl Pair {
     #[must_use]
     pub fn contact_pattern(&self, wear: Option<&Wear>, parts: usize) -> Vec<Vec<f64>> {
         let gap = match wear {
-            Some(wear) => self.worn_gap(wear, &self.depth(wear)).0,
+            Some(wear) => {
+                let wear = self.flank_wear(wear);
+                self.worn_gap(wear.adds_material, &wear.depth).0
+            }
             None => self.relief.clone(),
         };
         let mut scratch = Scratch::default();
@@ -110,7 +188,7 @@ impl Pair {
 
     /// The gap at the nodes with wear of these depths on the flanks, and the lowest gap, which is subtracted
     /// from it where the wear may add material; mm.
-    pub(crate) fn worn_gap(&self, wear: &Wear, depth: &[Vec<f64>; 2]) -> (Vec<f64>, f64) {
+    pub(crate) fn worn_gap(&self, adds_material: bool, depth: &[Vec<f64>; 2]) -> (Vec<f64>, f64) {
         let [pinion, gear] = depth;
         let mut gap: Vec<f64> = pinion
             .iter()
@@ -118,7 +196,7 @@ impl Pair {
             .zip(&self.relief)
             .map(|((pinion, gear), relief)| relief + (pinion + gear))
             .collect();
-        let lowest = if wear.law.adds_material() {
+        let lowest = if adds_material {
             subtract_lowest(&mut gap)
         } else {
             0.0
@@ -126,8 +204,8 @@ impl Pair {
         (gap, lowest)
     }
 
-    /// Mean wear depth at the nodes, mm, [pinion, gear]: [`WearLaw`].
-    pub(crate) fn depth(&self, wear: &Wear) -> [Vec<f64>; 2] {
+    /// The depth of [`WearLaw`] at the nodes, mm, [pinion, gear].
+    fn depth(&self, wear: &Wear) -> [Vec<f64>; 2] {
         let places = self.path().iter().zip(self.pressure());
         let s_pitch = self.geometry().s_pitch;
         match wear.law {

@@ -10,7 +10,7 @@
 //! problem that is stated in the campaign file and simulated by a program of the user's.
 
 use crate::Campaign;
-use crate::file::{Aim, CorrectionsSection, FrozenFrom, Kind, Penalty};
+use crate::file::{Aim, FrozenFrom, Kind, Penalty};
 
 pub use crate::approach::Approach;
 
@@ -71,16 +71,27 @@ impl Problem {
     pub fn new(campaign: Campaign) -> Self {
         match campaign.kind.clone() {
             Kind::Gears(sections) => {
-                let detailed = sections.constraints.need_details();
+                let detailed = sections.need_details();
+                let sampled = gears::sampled(&sections.load);
+                let measures = ResponseMeasure::of_cases(
+                    gears::SAMPLED,
+                    &sampled,
+                    &sections.load,
+                    &campaign.sampling,
+                );
+                let limited = measures[1..].iter().map(|one| one.quantity.clone());
                 Self {
-                    variables: gears::variables(),
+                    variables: gears::variables(&sections),
                     whole: gears::whole(&sections),
                     free: gears::free(&sections),
                     base: gears::base(&sections),
-                    criteria: gears::criteria(detailed),
+                    criteria: gears::criteria(detailed)
+                        .into_iter()
+                        .chain(limited)
+                        .collect(),
                     responses: gears::responses(detailed),
-                    sampled: vec![gears::SAMPLED],
-                    measures: vec![ResponseMeasure::of_one(gears::SAMPLED, &campaign.sampling)],
+                    sampled,
+                    measures,
                     random: None,
                     kind: Formulation::Gears(Box::new(gears::Gears::new(*sections))),
                     campaign,
@@ -104,25 +115,6 @@ impl Problem {
                 }
             }
         }
-    }
-
-    /// The same gear problem with profile corrections as further variables of a design, within the
-    /// ranges of `section`. A correction without a range is zero. A problem of another kind is
-    /// unchanged.
-    #[must_use]
-    pub fn with_corrections(mut self, section: &CorrectionsSection) -> Self {
-        let Formulation::Gears(gears) = &mut self.kind else {
-            return self;
-        };
-        gears.set_relief_shape(section.tip_relief_shape.unwrap_or_default());
-        self.variables.extend(gears::corrections::variables());
-        for (name, range) in gears::corrections::ranges(section) {
-            self.free.push(name, range);
-        }
-        let mut base = self.base.values().to_vec();
-        base.resize(self.variables.len(), 0.0);
-        self.base = Design::new(base);
-        self
     }
 
     /// The parts of a gear problem; `None` for another kind.
@@ -411,16 +403,14 @@ impl Problem {
     /// All constraints, with their signed distance from the limit.
     #[must_use]
     pub fn constraints(&self, criteria: &Criteria) -> Vec<Constraint> {
-        match &self.kind {
+        let mut constraints = match &self.kind {
             Formulation::Gears(gears) => gears.constraints(&criteria.gears()),
-            Formulation::External(external) => {
-                let mut constraints = external.constraints(criteria);
-                let bounds = criteria.values().iter().skip(self.deterministic().len());
-                let limited = self.limited().iter().zip(bounds);
-                constraints.extend(limited.filter_map(|(one, bound)| one.constraint(*bound)));
-                constraints
-            }
-        }
+            Formulation::External(external) => external.constraints(criteria),
+        };
+        let bounds = criteria.values().iter().skip(self.deterministic().len());
+        let limited = self.limited().iter().zip(bounds);
+        constraints.extend(limited.filter_map(|(one, bound)| one.constraint(*bound)));
+        constraints
     }
 
     /// The responses that a program must return for an analysis in this state, as indices in

@@ -6,7 +6,7 @@
 
 use stats::streams::StreamRng;
 
-use crate::formulation::gears::Gears;
+use crate::formulation::gears::{CaseSampler, Gears, LoadedCases};
 use crate::formulation::{Design, Problem};
 
 pub use crate::formulation::{Analysis, State};
@@ -92,7 +92,7 @@ impl Simulator for Problem {
                 "the built-in model simulates gears: start the worker with --exec 'CMD'".to_owned(),
             ));
         };
-        let pair = gears.pair(design).map_err(|error| {
+        let cases = gears.loaded(design).map_err(|error| {
             NoAnswer::Refused(match error {
                 gear::Error::Infeasible(infeasible) => {
                     format!("{}: {infeasible}", infeasible.code())
@@ -102,7 +102,7 @@ impl Simulator for Problem {
         })?;
         Ok(Box::new(BuiltInDesign {
             gears,
-            pair,
+            cases,
             sampler: None,
         }))
     }
@@ -110,26 +110,18 @@ impl Simulator for Problem {
 
 struct BuiltInDesign<'a> {
     gears: &'a Gears,
-    pair: gear::Pair,
+    cases: LoadedCases,
     /// Created for the first sample, which an optimiser never draws.
-    sampler: Option<gear::Sampler>,
+    sampler: Option<CaseSampler>,
 }
 
 impl PreparedDesign for BuiltInDesign<'_> {
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer> {
-        let analysis = match state {
-            State::Nominal => self.pair.unworn(),
-            State::Baseline => self.pair.archard(self.gears.wear()).analysis,
-        };
-        let pressure = analysis.hertz_pressure_mpa;
-        Ok(Analysis {
-            value: analysis.delta_ste_um,
-            criteria: self.gears.pair_criteria(&self.pair, pressure).into(),
-        })
+        Ok(self.gears.analyse(&self.cases, state))
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer> {
-        Ok(vec![self.sampler().draw(rng)])
+        Ok(self.sampler().draw(rng))
     }
 
     fn modes(&mut self) -> usize {
@@ -137,13 +129,12 @@ impl PreparedDesign for BuiltInDesign<'_> {
     }
 
     fn sample_at(&mut self, coefficients: &[f64]) -> Result<Vec<f64>, NoAnswer> {
-        Ok(vec![self.sampler().at(coefficients)])
+        Ok(self.sampler().at(coefficients))
     }
 }
 
 impl BuiltInDesign<'_> {
-    fn sampler(&mut self) -> &mut gear::Sampler {
-        self.sampler
-            .get_or_insert_with(|| self.gears.sampler(&self.pair))
+    fn sampler(&mut self) -> &mut CaseSampler {
+        self.sampler.get_or_insert_with(|| self.cases.sampler())
     }
 }

@@ -45,5 +45,5 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
     let sections = sections.context("a pair file is of gears")?;
     let found = optimum.found_or_sentence();
     let found = found.map_err(|why| anyhow::anyhow!("approach {name} found no design: {why}"))?;
-    Ok(PairFile::of_design(sections, &found.design.gears()))
+    Ok(PairFile::of_design(sections, &found.design))
 }

@@ -7,7 +7,7 @@ use cmaes::Bounds;
 use enrich::{ExactCriteria, Options};
 use problem::file::Enrichment;
 use problem::formulation::{Criteria, Design, GearCriteria, Problem};
-use problem::simulator::Analysis;
+use problem::simulator::{Analysis, State};
 use problem::task::{FIRST_INFILL, infill_mark};
 use sha2::{Digest as _, Sha256};
 
@@ -107,14 +107,11 @@ pub fn known(problem: &Problem, design: &Design) -> Option<(ExactCriteria, u64)>
     if geometry > 0.0 {
         return Some((ExactCriteria::from(geometry), 0));
     }
-    let worn = pair.load().ok()?.archard(gears.wear()).analysis;
-    let criteria = GearCriteria {
-        hertz_pressure_mpa: worn.hertz_pressure_mpa,
-        ..unloaded
-    };
+    let cases = gears.cases_of(pair.load().ok()?, gears.wear()).ok()?;
+    let worn = gears.analyse(&cases, State::Baseline);
     let known = ExactCriteria {
-        violation: violation(problem, &criteria.into()),
-        baseline: worn.delta_ste_um,
+        violation: violation(problem, &worn.criteria),
+        baseline: worn.value,
         holds: 1.0,
     };
     // Archard's wear rests on the unworn analysis.
@@ -138,8 +135,8 @@ pub fn baseline_at_um(problem: &Problem, design: &Design) -> Option<f64> {
     let Some(gears) = problem.gears() else {
         return Some(0.0);
     };
-    let pair = gears.pair(design).ok()?;
-    Some(pair.archard(gears.wear()).analysis.delta_ste_um)
+    let cases = gears.loaded(design).ok()?;
+    Some(gears.analyse(&cases, State::Baseline).value)
 }
 
 /// The settings of a round, with `samples_left` samples left for infill.

@@ -418,7 +418,7 @@ mod tests {
             let flank_class = gear::FlankClass::new(class).unwrap();
             sections.manufacture = Some(problem::file::Manufacture {
                 flank_class: Some(flank_class),
-                misalignment_um: None,
+                ..Default::default()
             });
             let problem = Problem::new(campaign.clone());
             let base = problem.base().clone();

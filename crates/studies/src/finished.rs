@@ -4,7 +4,7 @@ use anyhow::Context as _;
 use problem::formulation::Problem;
 use problem::optimise::{self, RunResult};
 use problem::task::Run;
-use problem::{Approach, Campaign, Design, GearVariables};
+use problem::{Approach, Campaign, Design};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
 use results::status;
@@ -16,7 +16,7 @@ use crate::refusal::UnfinishedCampaign;
 #[derive(Debug, Clone, PartialEq)]
 pub struct FeasibleOptimum {
     pub approach: Approach,
-    pub variables: GearVariables,
+    pub design: Design,
     /// Verification samples of ΔSTE, µm.
     pub verified: Vec<f64>,
 }
@@ -56,7 +56,7 @@ impl FeasibleOptimum {
         let found = verified.optimum.feasible()?;
         Some(Self {
             approach: verified.optimum.approach,
-            variables: found.design.gears(),
+            design: found.design.clone(),
             verified: verified.values(problem),
         })
     }

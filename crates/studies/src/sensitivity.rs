@@ -110,7 +110,7 @@ impl WearFactors {
 /// The design cannot be simulated, which is not expected for one from the campaign's store.
 pub fn scenarios(problem: &Problem, optimum: &FeasibleOptimum) -> anyhow::Result<Vec<Scenario>> {
     let gears = problem.gears().context(NO_GEARS)?;
-    let pair = gears.pair(&optimum.variables.into())?;
+    let pair = gears.pair(&optimum.design.clone())?;
     let none = WearFactors::NONE;
     const FACTORS: [f64; 2] = [0.5, 2.0];
     let of_variance = FACTORS.map(|variance| {
@@ -137,8 +137,8 @@ pub fn scenarios(problem: &Problem, optimum: &FeasibleOptimum) -> anyhow::Result
         .collect()
 }
 
-/// Samples of ΔSTE of a pair with this wear, µm. Sample i uses the stream (campaign's seed, purpose,
-/// number, i).
+/// Samples of the ΔSTE of a pair with this wear, µm, that counts of those in all cases. Sample i uses the stream
+/// (campaign's seed, purpose, number, i).
 fn draw(
     problem: &Problem,
     pair: &gear::Pair,
@@ -146,17 +146,17 @@ fn draw(
     (purpose, number): (Purpose, u64),
     samples: Range<u32>,
 ) -> anyhow::Result<Vec<f64>> {
-    let scatter = problem.gears().map(Gears::scatter).unwrap_or_default();
-    let mut sampler = pair.sampler_with(wear, scatter);
+    let gears = problem.gears().context(NO_GEARS)?;
+    let mut sampler = gears.cases_of(pair.clone(), wear)?.sampler();
     let seed = problem.campaign().seed;
-    samples
-        .map(|index| {
-            let sample = sampler.draw(&mut stream(seed, purpose, number, index.into()));
-            let checked = problem.check_sample(&[sample]);
-            checked.map_err(|(_, why)| anyhow!("ΔSTE of sample {index} {why}"))?;
-            Ok(sample)
-        })
-        .collect()
+    let mut all = stats::Samples::none(problem.sampled().len());
+    for index in samples {
+        let sample = sampler.draw(&mut stream(seed, purpose, number, index.into()));
+        let checked = problem.check_sample(&sample);
+        checked.map_err(|(name, why)| anyhow!("{name} of sample {index} {why}"))?;
+        all.push(&sample);
+    }
+    Ok(problem.objective().values(&all))
 }
 
 /// First-order and total indices of P90 (from the common samples of a direct search), and of the
@@ -180,7 +180,7 @@ pub fn indices(
         .collect();
     let gears = problem.gears().context(NO_GEARS)?;
     let sampling = &problem.campaign().sampling;
-    let nominal = NominalDesign::new(gears, optimum.variables.into())?;
+    let nominal = NominalDesign::new(gears, optimum.design.clone())?;
     let of_percentile = |point: &[f64]| -> anyhow::Result<f64> {
         let Some((pair, wear)) = nominal.deviated(tolerances, point) else {
             return Ok(f64::NAN);
@@ -268,7 +268,9 @@ impl<'a> NominalDesign<'a> {
             size: gear::Size::NormalModule(self.module),
             ..self.gears.pair_input(&Design::new(values))
         };
-        let pair = gear::Pair::new(&input, self.gears.discretisation()).ok()?;
+        let corrections = self.gears.corrections(&self.design);
+        let grid = self.gears.discretisation();
+        let pair = gear::Pair::with_corrections(&input, &corrections, grid).ok()?;
         Some((pair, factors.apply(self.gears.wear())))
     }
 }
@@ -420,7 +422,7 @@ mod tests {
         let design = stages::references::design(gear::paper::printed::Place::Figure(9));
         let optimum = FeasibleOptimum {
             approach: Approach::Baseline,
-            variables: design.gears(),
+            design: design.clone(),
             verified: samples::verification(&problem, &design).unwrap(),
         };
         (problem, optimum)
@@ -506,7 +508,7 @@ mod tests {
         let flank_class = gear::FlankClass::new(9).unwrap();
         let manufacture = problem::file::Manufacture {
             flank_class: Some(flank_class),
-            misalignment_um: None,
+            ..Default::default()
         };
         campaign.gears_mut().unwrap().manufacture = Some(manufacture);
         let problem = Problem::new(campaign);

@@ -5,9 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use problem::file::Sampling;
 use problem::formulation::Problem;
-use problem::formulation::gears::VARIABLE_NAMES;
 use problem::{Approach, Campaign, FileError};
 use results::number::{MISSING, fixed};
 use results::optima::{Optima, VerifiedOptimum};
@@ -172,10 +170,9 @@ pub fn write_tables(
     campaign: &Campaign,
     outcomes: &[Outcome],
 ) -> anyhow::Result<Document> {
-    let sampling = &campaign.sampling;
     let name = &campaign.name;
     let measure = campaign.measure_name();
-    let figures = all_figures(sampling, outcomes);
+    let figures = all_figures(campaign, outcomes);
     write_file(out, "sweep.csv", figures.csv()?)?;
     let mut page = format!(
         "# {name} over tooth numbers\n\n\
@@ -261,12 +258,14 @@ fn summary(outcomes: &[Outcome]) -> PageTable {
     table
 }
 
-fn all_figures(sampling: &Sampling, outcomes: &[Outcome]) -> Table {
+fn all_figures(campaign: &Campaign, outcomes: &[Outcome]) -> Table {
+    let problem = Problem::new(campaign.clone());
+    let names = problem.variables().iter().map(|variable| &*variable.name);
     let mut columns = ["teeth_p", "teeth_r"].map(Column::whole).to_vec();
     columns.push(Column::text("approach"));
-    columns.extend(VARIABLE_NAMES.map(Column::number));
+    columns.extend(names.map(Column::number));
     columns.push(Column::number("criterion_um"));
-    columns.extend(sampling.measure_columns().map(Column::number));
+    columns.extend(campaign.sampling.measure_columns().map(Column::number));
     columns.push(Column::number("normal_module_mm"));
     columns.extend(CRITERIA.map(Column::number));
     columns.extend([Column::whole("simulator_calls"), Column::text("remark")]);
@@ -278,7 +277,7 @@ fn all_figures(sampling: &Sampling, outcomes: &[Outcome]) -> Table {
         let found = optimum.found.as_ref().ok();
         match found {
             Some(found) => line.extend(found.design.values().iter().copied().map(Cell::from)),
-            None => line.extend(VARIABLE_NAMES.map(|_| Cell::Missing)),
+            None => line.extend(problem.variables().iter().map(|_| Cell::Missing)),
         }
         line.push(found.map(|found| found.criterion).into());
         line.extend(percentile_cells(outcome.p90()));
@@ -387,7 +386,7 @@ mod tests {
             "{:?}",
             table.rows[1]
         );
-        let all = all_figures(&problem.campaign().sampling, &outcomes);
+        let all = all_figures(problem.campaign(), &outcomes);
         assert_eq!(all.rows.len(), 4);
         assert!(all.csv().is_ok(), "every row is complete");
         let drawn: Vec<usize> = lines(&outcomes)

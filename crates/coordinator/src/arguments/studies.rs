@@ -40,25 +40,6 @@ pub(crate) struct Sweep {
     pub(crate) json: bool,
 }
 
-#[derive(Debug, Args)]
-pub(crate) struct Corrections {
-    /// The campaign file, with a section [corrections]
-    ///
-    /// [corrections] holds bounds: tip_relief_um and tip_relief_length_mm for both gears (with
-    /// tip_relief_shape = "linear" or "parabolic"), crowning_um, or all of them. Each set of
-    /// corrections costs optimise.starts searches of optimise.evaluations designs, of
-    /// sampling.samples_per_design samples each; a crowned sample costs about seventeen times one
-    /// without.
-    #[arg(value_name = "CAMPAIGN.toml")]
-    pub(crate) campaign: PathBuf,
-    /// The folder of the tables; one that is not empty is refused [default: NAME-corrections]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Print the tables as one JSON object instead of the page
-    #[arg(long)]
-    pub(crate) json: bool,
-}
-
 /// A campaign and its finished store.
 #[derive(Debug, Args)]
 pub(crate) struct FinishedCampaign {

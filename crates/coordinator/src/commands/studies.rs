@@ -1,7 +1,6 @@
 //! The studies: read files, call the library, print, choose an exit code.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use problem::Campaign;
 use problem::accuracy::CampaignFile;
@@ -13,7 +12,7 @@ use runner::exit::{self, ProgramError};
 use store::Store;
 use studies::refusal::{require_built_in, require_gears};
 use studies::table::Document;
-use studies::{corrections, finished, pareto, sensitivity, sweep};
+use studies::{finished, pareto, sensitivity, sweep};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
@@ -86,41 +85,6 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
     } else {
         exit::OK
     })
-}
-
-/// `coordinator corrections`: the robust optimum with and without profile corrections.
-pub(super) async fn corrections(arguments: arguments::Corrections) -> Result<u8, ProgramError> {
-    let campaign = parse(&arguments.campaign)?;
-    let spaces = corrections::spaces(&campaign).map_err(usage)?;
-    let out = new_folder(arguments.out, &campaign, "corrections")?;
-    let studied = campaign.clone();
-    let search = move || -> anyhow::Result<Vec<corrections::Outcome>> {
-        let mut base = None;
-        let mut rows: Vec<corrections::Outcome> = Vec::new();
-        for (number, space) in (0..).zip(&spaces) {
-            let begun = Instant::now();
-            let base = match &mut base {
-                Some(base) => base,
-                None => base.insert(finished::searched_base(&space.problem(&studied))?),
-            };
-            let row = corrections::run(&studied, space, base, number, rows.first())?;
-            info!(
-                corrections = space.name,
-                designs = row.evaluations,
-                worn_samples = row.worn_calls,
-                seconds = begun.elapsed().as_secs(),
-                "searched"
-            );
-            rows.push(row);
-        }
-        Ok(rows)
-    };
-    let doing = format!("searching designs of {}", campaign.name);
-    let Some(rows) = interruptible(doing, search).await? else {
-        return Ok(exit::INTERRUPTED);
-    };
-    let document = corrections::write_tables(&out, &campaign, &rows?)?;
-    finish(&document, &out, arguments.json)
 }
 
 /// `coordinator sensitivity`: the effect of wear parameters and tolerances on the recommended

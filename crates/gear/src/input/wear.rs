@@ -107,9 +107,18 @@ pub struct Wear {
     pub range: f64,
     /// Variance of the multiplier, whose mean is 1.
     pub variance: f64,
+    /// The share of the law's depth that a pair has worn off when it is met, evenly distributed between these two
+    /// numbers: a gear that wears evenly over its life is met at any time of it. `None` is the whole depth.
+    pub life: Option<[f64; 2]>,
 }
 
 impl Wear {
+    /// The mean share of the law's depth.
+    #[must_use]
+    pub fn mean_share(&self) -> f64 {
+        self.life.map_or(1.0, |[from, to]| 0.5 * (from + to))
+    }
+
     /// Checks that depth and variance are at least zero and the range is positive.
     ///
     /// # Errors
@@ -163,6 +172,16 @@ impl Wear {
             self.variance,
             0.0..=1e3,
             "a variance from 0 to 1000",
+        )?;
+        let Some([from, to]) = self.life else {
+            return Ok(());
+        };
+        check_range("life[0]", from, 0.0..=1e3, "a share from 0 to 1000")?;
+        check_range(
+            "life[1]",
+            to,
+            from..=1e3,
+            "at least the first share and at most 1000",
         )
     }
 }

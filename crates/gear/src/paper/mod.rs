@@ -25,6 +25,7 @@ pub const WEAR: Wear = Wear {
     kernel: Kernel::SquaredExponential,
     range: 0.2,
     variance: 0.01,
+    life: None,
 };
 
 /// The wear that the paper computed: the signed law, with the coefficient that fits its tables best

@@ -238,6 +238,7 @@ pub(crate) fn wear(rng: &mut StreamRng, m: f64) -> Wear {
         kernel: Kernel::ALL[rng.random_range(0..5)],
         range: log_uniform(rng, 0.02, 10.0),
         variance: log_uniform(rng, 1e-4, 10.0),
+        life: None,
     }
 }
 

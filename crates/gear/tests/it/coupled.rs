@@ -15,6 +15,7 @@ const WEAR: Wear = Wear {
     kernel: Kernel::SquaredExponential,
     range: 0.2,
     variance: 0.01,
+    life: None,
 };
 
 fn coupled() -> PairInput {
@@ -105,6 +106,7 @@ fn helix_slopes_and_misalignment_scatter() {
     let shafts = Scatter {
         flank_class: None,
         misalignment: 0.02,
+        tip_relief: 0.0,
     };
     for model in ToothModel::ALL {
         for helix_angle in [0.0, 15_f64.to_radians()] {

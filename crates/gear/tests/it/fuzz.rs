@@ -130,6 +130,7 @@ fn an_invalid_wear_does_not_panic() {
                 kernel: Kernel::Exponential,
                 range,
                 variance,
+                life: None,
             };
             assert!(wear.validate().is_err());
             let _ = pair.archard(&wear);

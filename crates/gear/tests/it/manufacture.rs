@@ -264,3 +264,38 @@ fn both_laws_of_wear_take_deviations_on_the_converged_grid() {
         }
     }
 }
+
+/// The amount of a relief deviates by a third of its tolerance for each standard deviation, and is never below zero.
+#[test]
+fn amounts_of_tip_relief_scatter() {
+    let relief = |amount: f64| gear::TipRelief {
+        amount,
+        length: 2.0,
+        shape: gear::ReliefShape::Linear,
+    };
+    let of = |amount: f64| {
+        let corrections =
+            gear::Corrections::default().with_tip_relief(gear::Member::Pinion, relief(amount));
+        let grid = Discretisation::default();
+        Pair::with_corrections(&plain(), &corrections, &grid).unwrap()
+    };
+    let pair = of(0.006);
+    let scatter = gear::Scatter {
+        tip_relief: 0.006,
+        ..gear::Scatter::default()
+    };
+    let mut sampler = pair.sampler_with(&NONE, scatter);
+    let modes = pair.sampler(&NONE).modes();
+    // One relief, one coefficient.
+    assert_eq!(sampler.modes(), modes + 1);
+    let mut at = |z: f64| {
+        let mut coefficients = vec![0.0; modes + 1];
+        coefficients[modes] = z;
+        sampler.at(&coefficients)
+    };
+    for (z, amount) in [(0.0, 0.006), (1.0, 0.008), (-1.5, 0.003), (-9.0, 0.0)] {
+        let expected = of(amount).unworn().delta_ste_um;
+        assert!((at(z) - expected).abs() < 1e-9 * expected.max(1.0), "{z}");
+    }
+    assert_eq!(of(0.0).sampler_with(&NONE, scatter).modes(), modes);
+}

@@ -205,3 +205,61 @@ fn samples_have_the_mean_depth_of_each_flank() {
         assert!((average - (pinion + gear)).abs() <= 4.5 * error + 1e-18);
     }
 }
+
+/// Flanks worn under one torque are met under another one.
+#[test]
+fn flanks_keep_their_wear_under_another_torque() {
+    let input = PairInput {
+        tooth_model: ToothModel::Coupled,
+        ..plain()
+    };
+    let pair = Pair::new(&input, &Discretisation::of(ToothModel::Coupled)).unwrap();
+    let light = pair.under(0.25 * pair.input().pinion_torque).unwrap();
+    let flanks = pair.flank_wear(&WEAR);
+    assert_eq!(pair.worn(&flanks), pair.archard(&WEAR));
+    let worn = light.worn(&flanks);
+    assert_eq!(worn.depth, pair.archard(&WEAR).depth);
+    // The light load's own wear is as deep by the law, and elsewhere along the path.
+    assert_ne!(worn.depth, light.archard(&WEAR).depth);
+    let new = light.worn(&flanks.clone().scaled(0.0)).analysis;
+    let difference = new.delta_ste_um - light.unworn().delta_ste_um;
+    assert!(difference.abs() < 1e-9, "{difference}");
+    // The same coefficients are the same flanks.
+    let none = gear::Scatter::default();
+    let [mut heavy, mut light] = [&pair, &light].map(|pair| pair.sampler_on(&flanks, &WEAR, none));
+    assert_eq!(heavy.modes(), light.modes());
+    let [a, b] = [&mut heavy, &mut light]
+        .map(|sampler| sampler.draw_profile(&mut stream(3, Purpose::Wear, 0, 0)));
+    assert_eq!(a.depth, b.depth);
+    assert_ne!(a.delta_ste_um, b.delta_ste_um);
+}
+
+/// A share of the depth between 0 and 1 is new flanks at the one end and worn ones at the other.
+#[test]
+fn a_life_goes_from_new_to_worn() {
+    let pair = Pair::new(&plain(), &Discretisation::default()).unwrap();
+    let whole = Wear {
+        variance: 0.0,
+        ..WEAR
+    };
+    let life = Wear {
+        life: Some([0.0, 1.0]),
+        ..whole
+    };
+    let mut sampler = pair.sampler(&life);
+    assert_eq!(sampler.modes(), pair.sampler(&whole).modes() + 1);
+    let mut at = |z: f64| {
+        let mut coefficients = vec![0.0; sampler.modes()];
+        *coefficients.last_mut().unwrap() = z;
+        sampler.at(&coefficients)
+    };
+    let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-9, "{a} {b}");
+    close(at(-40.0), pair.unworn().delta_ste_um);
+    close(at(40.0), pair.archard(&whole).analysis.delta_ste_um);
+    close(at(0.0), pair.archard(&life).analysis.delta_ste_um);
+    let half = Wear {
+        law: whole.law.scaled(0.5),
+        ..whole
+    };
+    close(at(0.0), pair.archard(&half).analysis.delta_ste_um);
+}

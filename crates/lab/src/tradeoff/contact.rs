@@ -47,6 +47,7 @@ const WEAR: Wear = Wear {
     kernel: Kernel::SquaredExponential,
     range: 0.2,
     variance: 0.01,
+    life: None,
 };
 
 /// A case as one model and grid sees it.

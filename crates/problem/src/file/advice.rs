@@ -29,7 +29,7 @@ impl PairFile {
         let mut warnings = of_sections(&self.material, &self.wear, self.pair.face_width_mm);
         let pair = &self.pair;
         warnings.extend(of_torque(
-            self.load,
+            &self.load,
             input.size,
             pair.teeth,
             [pair.pressure_angle_deg, pair.face_width_mm],
@@ -37,8 +37,9 @@ impl PairFile {
         ));
         warnings.extend(of_hand("pair.helix_angle_deg", &[pair.helix_angle_deg]));
         if let Some(corrections) = &self.corrections {
-            let crowning = corrections.crowning_um.map(|um| [um; 2]);
-            warnings.extend(of_amounts(corrections.tip_relief_um, crowning));
+            let relief = corrections.tip_relief_um.unwrap_or_default();
+            let crowning = corrections.crowning_um.unwrap_or_default();
+            warnings.extend(of_amounts([&relief, &[crowning]]));
         }
         warnings.extend(of_coupled(&self.pair, geometry.as_ref()));
         warnings
@@ -53,7 +54,7 @@ impl GearSections {
         let pair = &self.pair;
         let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
         warnings.extend(of_torque(
-            self.load,
+            &self.load,
             size,
             pair.teeth(),
             [pair.pressure_angle_deg, face_width_mm],
@@ -63,10 +64,9 @@ impl GearSections {
         let helix = ends(&self.bounds.settings()[HELIX_ANGLE]);
         warnings.extend(of_hand("bounds.helix_angle_deg", &helix));
         if let Some(corrections) = &self.corrections {
-            warnings.extend(of_amounts(
-                corrections.tip_relief_um,
-                corrections.crowning_um,
-            ));
+            let [relief_p, relief_r, .., crowning, _] = corrections.settings();
+            let relief = [ends(&relief_p), ends(&relief_r)].concat();
+            warnings.extend(of_amounts([&relief, &ends(&crowning)]));
         }
         warnings.extend(of_frozen(self));
         warnings.extend(of_coupled_designs(self));
@@ -116,7 +116,7 @@ fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<Stri
 /// A warning about a torque that no tooth carries: its tangential force over face width and module is above the
 /// material's σ_Hlim in MPa, and the root stress by ISO 6336-3 is about three times that force. Pressure angle in degrees, face width in mm.
 fn of_torque(
-    load: Load,
+    load: &Load,
     size: Size,
     teeth: [u32; 2],
     [pressure_angle_deg, face_width_mm]: [f64; 2],
@@ -148,9 +148,9 @@ fn of_hand(key: &str, angles_deg: &[f64]) -> Option<String> {
 }
 
 /// Warnings about corrections, of which the largest amount in µm is too small to be made.
-fn of_amounts(tip_relief_um: Option<[f64; 2]>, crowning_um: Option<[f64; 2]>) -> Vec<String> {
-    let of = |(key, um): (&str, Option<[f64; 2]>)| {
-        let most = um.map(|[a, b]| a.max(b))?;
+fn of_amounts([tip_relief_um, crowning_um]: [&[f64]; 2]) -> Vec<String> {
+    let of = |(key, um): (&str, &[f64])| {
+        let most = um.iter().fold(0.0, |most: f64, um| most.max(*um));
         (most > 0.0 && most < LEAST_CORRECTION_UM).then(|| {
             format!(
                 "corrections.{key} is at most {most} µm: did you mean {}?",

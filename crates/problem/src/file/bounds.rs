@@ -6,7 +6,7 @@ use gear::Rack;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::validate::{InvalidValue, Source};
+use super::validate::Source;
 use super::{FileError, Pair};
 
 /// `[bounds]`: the values that each variable may take, for both gears together or for each.
@@ -205,15 +205,7 @@ impl Bounds {
             }
             _ => {}
         }
-        let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
-        if settings.iter().any(is_free) {
-            return Ok(());
-        }
-        Err(source.error(InvalidValue::in_words(
-            "bounds",
-            "without a free variable",
-            "a section with at least one variable with [low, high]",
-        )))
+        Ok(())
     }
 }
 
@@ -226,7 +218,12 @@ impl OfGears {
         }
     }
 
-    fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
+    pub(super) fn validate(
+        self,
+        source: Source<'_>,
+        key: &str,
+        limits: [f64; 2],
+    ) -> Result<(), FileError> {
         match self {
             Self::Both(setting) => setting.validate(source, key, limits),
             Self::Each(Each { pinion, mate }) => {
@@ -242,7 +239,12 @@ impl OfGears {
 
 impl Setting {
     /// Requires a value that is valid for a variable other than the mate's.
-    fn validate(self, source: Source<'_>, key: &str, limits: [f64; 2]) -> Result<(), FileError> {
+    pub(super) fn validate(
+        self,
+        source: Source<'_>,
+        key: &str,
+        limits: [f64; 2],
+    ) -> Result<(), FileError> {
         let [low, high] = limits;
         match self {
             Self::Free(range) => source.ordered(key, range, low, high),

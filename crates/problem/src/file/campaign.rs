@@ -391,6 +391,14 @@ impl Campaign {
         self.sampling.objective.validate(source, is_gears)?;
         self.sampling
             .validate(source, self.is_external(), self.has_scores())?;
+        let has_cases = self.gears().is_some_and(|one| !one.load.cases.is_empty());
+        source.require(
+            !has_cases || self.sampling.control == ControlVariate::None,
+            "sampling.control",
+            self.sampling.control,
+            "absent beside [[load.cases]]: the control variate is linear in the wear, and the greatest of several \
+             responses is not",
+        )?;
         source.require(
             self.sampling.objective.is_papers() || !self.compares_with_paper(),
             "objective",

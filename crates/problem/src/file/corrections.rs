@@ -1,50 +1,92 @@
-//! `[corrections]`: profile corrections, as design variables of a campaign or as values of a pair.
+//! `[corrections]`: flank modifications, as design variables of a campaign or as values of a pair.
 
 use gear::ReliefShape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
+use super::bounds::{OfGears, Relation, Setting};
 use super::validate::{InvalidValue, Source};
 
-/// `[corrections]`, optional: `[low, high]` of each kind of profile correction. The campaign itself
-/// does not correct flanks; `coordinator corrections` designs with and without corrections.
+/// Number of variables that the corrections of a design are.
+pub(crate) const CORRECTIONS: usize = 6;
+
+/// `[corrections]` of a campaign, optional: profile and helix modifications, which are further variables of all its
+/// designs. Each is free within `[low, high]` or fixed to a number; one that is absent is zero.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CorrectionsSection {
-    /// Amount of tip relief in µm, normal to the flank at the end of contact; for both gears.
-    pub tip_relief_um: Option<[f64; 2]>,
-    /// Length of the relieved part in mm, along the path of contact; for both gears.
-    pub tip_relief_length_mm: Option<[f64; 2]>,
+    /// Amount of tip relief in µm, normal to the flank at the end of contact. Relief at the root of a flank leaves
+    /// the same gap as relief at the mate's tip.
+    pub tip_relief_um: Option<OfGears>,
+    /// Length of the relieved part in mm, along the path of contact.
+    pub tip_relief_length_mm: Option<OfGears>,
     /// Shape of the relief; `"linear"` if absent.
     pub tip_relief_shape: Option<ReliefShape>,
     /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
-    pub crowning_um: Option<[f64; 2]>,
+    pub crowning_um: Option<Setting>,
+    /// Helix slope of both flanks together in µm over the face: how much more material is missing at the end
+    /// of the face that a contact line reaches last.
+    pub helix_slope_um: Option<Setting>,
 }
 
 impl CorrectionsSection {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        let amount = |key: &str, range: Option<[f64; 2]>| {
-            range.map_or(Ok(()), |range| source.ordered(key, range, 0.0, MOST_UM))
-        };
-        amount("corrections.tip_relief_um", self.tip_relief_um)?;
-        amount("corrections.crowning_um", self.crowning_um)?;
-        if self.tip_relief_um.is_none() && self.crowning_um.is_none() {
+    /// The values of each variable, in the order of the design's variables; zero for one without a key.
+    pub(crate) fn settings(&self) -> [Setting; CORRECTIONS] {
+        let zero = Setting::Fixed(0.0);
+        let of_gears = |written: Option<OfGears>| written.map_or([zero; 2], |one| one.settings());
+        let [a, b] = of_gears(self.tip_relief_um);
+        let [c, d] = of_gears(self.tip_relief_length_mm);
+        let [e, f] = [self.crowning_um, self.helix_slope_um].map(|one| one.unwrap_or(zero));
+        [a, b, c, d, e, f]
+    }
+
+    /// Validates the section of a campaign with this tooth model.
+    pub(super) fn validate(
+        &self,
+        source: Source<'_>,
+        tooth_model: gear::ToothModel,
+    ) -> Result<(), FileError> {
+        let along_face = [
+            ("corrections.crowning_um", self.crowning_um, [0.0, MOST_UM]),
+            (
+                "corrections.helix_slope_um",
+                self.helix_slope_um,
+                [-MOST_UM, MOST_UM],
+            ),
+        ];
+        if let Some(relief) = self.tip_relief_um {
+            relief.validate(source, "corrections.tip_relief_um", [0.0, MOST_UM])?;
+        } else if along_face.iter().all(|(_, setting, _)| setting.is_none()) {
             return Err(source.error(InvalidValue::in_words(
                 "corrections",
                 "empty",
-                "a section with tip_relief_um, crowning_um or both",
+                "a section with tip_relief_um, crowning_um or helix_slope_um",
             )));
         }
-        relief_keys(
-            source,
-            self.tip_relief_um.is_some(),
-            self.tip_relief_length_mm,
-            self.tip_relief_shape,
-        )?;
-        self.tip_relief_length_mm.map_or(Ok(()), |range| {
-            let [low, high] = RELIEF_LENGTH_MM;
-            source.ordered("corrections.tip_relief_length_mm", range, low, high)
+        let length = self.tip_relief_length_mm;
+        let shape = self.tip_relief_shape;
+        relief_keys(source, self.tip_relief_um.is_some(), length, shape)?;
+        if let Some(length) = length {
+            length.validate(source, "corrections.tip_relief_length_mm", RELIEF_LENGTH_MM)?;
+        }
+        for (key, setting, limits) in along_face {
+            let Some(setting) = setting else { continue };
+            setting.validate(source, key, limits)?;
+            source.require(tooth_model.knows_the_face(), key, setting, WITHOUT_CROWNING)?;
+        }
+        let follows = Setting::Relation(Relation::Follows);
+        let place = self
+            .settings()
+            .iter()
+            .position(|setting| *setting == follows);
+        place.map_or(Ok(()), |place| {
+            let keys = ["tip_relief_um", "tip_relief_length_mm"];
+            Err(source.refuse(
+                &format!("corrections.{}", keys[place / 2]),
+                "follows",
+                "[low, high], a number or \"tied\": only the profile shift of the mate can follow",
+            ))
         })
     }
 }
@@ -171,7 +213,7 @@ pub(super) const WITHOUT_CROWNING: &str = "absent when pair.tooth_model is \"who
 fn relief_keys(
     source: Source<'_>,
     relieved: bool,
-    length: Option<[f64; 2]>,
+    length: Option<impl Serialize>,
     shape: Option<ReliefShape>,
 ) -> Result<(), FileError> {
     let key = "corrections.tip_relief_length_mm";

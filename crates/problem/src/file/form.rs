@@ -194,6 +194,7 @@ impl From<Form> for Campaign {
 impl From<GearFile> for Campaign {
     fn from(file: GearFile) -> Self {
         let grid = file.accuracy.grid(file.pair.tooth_model);
+        let corrections = file.corrections.as_ref();
         let sections = GearSections {
             pair: file.pair,
             load: file.load,
@@ -203,7 +204,9 @@ impl From<GearFile> for Campaign {
             manufacture: file.manufacture,
             bounds: file.bounds,
             frozen: file.frozen,
-            constraints: file.constraints,
+            constraints: file
+                .constraints
+                .of_relieved(corrections.is_some_and(|one| one.tip_relief_um.is_some())),
             penalty: file.penalty,
             report: file.report,
             corrections: file.corrections,

@@ -3,7 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::corrections::{CorrectionsSection, WITHOUT_CROWNING};
+use super::bounds::Setting;
+use super::corrections::CorrectionsSection;
 use super::pair::sizes;
 use super::validate::{InvalidValue, Source, TEETH};
 use super::{
@@ -109,6 +110,25 @@ impl Penalty {
 }
 
 impl GearSections {
+    /// Whether a limit takes criteria with [details](crate::formulation::gears::GearDetails). Campaigns that limit a
+    /// case's ΔSTE have them, too, so that the number of criteria tells their form.
+    pub(crate) fn need_details(&self) -> bool {
+        let mut cases = self.load.cases.iter();
+        self.constraints.need_details() || cases.any(|case| case.delta_ste_max_um.is_some())
+    }
+
+    /// The values of each variable of a design, in the order of the variables: those of the pair, and then the
+    /// corrections of a campaign that has them.
+    pub(crate) fn settings(&self) -> Vec<Setting> {
+        let corrections = self.corrections.iter();
+        let corrections = corrections.flat_map(CorrectionsSection::settings);
+        self.bounds
+            .settings()
+            .into_iter()
+            .chain(corrections)
+            .collect()
+    }
+
     pub(super) fn validate(&self, source: Source<'_>, is_external: bool) -> Result<(), FileError> {
         self.pair.validate(source)?;
         self.load.validate(source)?;
@@ -136,14 +156,15 @@ impl GearSections {
             )));
         }
         if let Some(corrections) = &self.corrections {
-            corrections.validate(source)?;
-            let whole_face = self.pair.tooth_model == gear::ToothModel::WholeFaceBeam;
-            source.require(
-                !whole_face || corrections.crowning_um.is_none(),
-                "corrections.crowning_um",
-                corrections.crowning_um.unwrap_or_default(),
-                WITHOUT_CROWNING,
-            )?;
+            corrections.validate(source, self.pair.tooth_model)?;
+        }
+        let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
+        if !self.settings().iter().any(is_free) {
+            return Err(source.error(InvalidValue::in_words(
+                "bounds",
+                "without a free variable",
+                "a section with at least one variable with [low, high], unless [corrections] has one",
+            )));
         }
         source.require(
             !(is_external && self.report.compare_with_paper),

@@ -30,6 +30,9 @@ pub struct GearLimits {
     /// Smallest length of involute between the fillet and the active flank, in mm along the path of
     /// contact. Zero if absent.
     pub flank_margin_min_mm: Option<f64>,
+    /// Smallest length of the path of contact on which no tip relief takes material off, mm. Zero for pairs with tip
+    /// relief if absent: what is relieved must not be longer than the path.
+    pub pure_involute_min_mm: Option<f64>,
     /// Smallest safety of the roots S_F by ISO 6336-3, with the factors of `[strength]`.
     pub root_safety_min: Option<f64>,
     /// Smallest safety of the flanks S_H by ISO 6336-2, with the factors of `[strength]`.
@@ -51,6 +54,7 @@ impl GearLimits {
         [
             self.transverse_contact_ratio_min,
             self.tip_land_min_modules,
+            self.pure_involute_min_mm,
             self.root_safety_min,
             self.flank_safety_min,
             self.centre_distance_min_mm,
@@ -58,6 +62,15 @@ impl GearLimits {
         ]
         .iter()
         .any(Option::is_some)
+    }
+
+    /// The same limits for pairs with or without tip relief.
+    pub(crate) fn of_relieved(self, is_relieved: bool) -> Self {
+        let least = is_relieved.then_some(0.0);
+        Self {
+            pure_involute_min_mm: self.pure_involute_min_mm.or(least),
+            ..self
+        }
     }
 
     /// The upper limit of the contact pressure of a material with this σ_Hlim, in MPa.
@@ -134,6 +147,10 @@ impl GearLimits {
                 self.tip_land_min_modules,
             ),
             ("constraints.flank_margin_min_mm", self.flank_margin_min_mm),
+            (
+                "constraints.pure_involute_min_mm",
+                self.pure_involute_min_mm,
+            ),
         ] {
             limit.map_or(Ok(()), |limit| source.not_negative(key, limit))?;
         }

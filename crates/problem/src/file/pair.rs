@@ -188,7 +188,11 @@ impl PairFile {
     /// The limits that the file gives, all absent without `[constraints]`.
     #[must_use]
     pub fn limits(&self) -> GearLimits {
-        self.constraints.unwrap_or_default()
+        let corrections = self.corrections.as_ref();
+        let is_relieved = corrections.is_some_and(|one| one.tip_relief_um.is_some());
+        self.constraints
+            .unwrap_or_default()
+            .of_relieved(is_relieved)
     }
 
     /// The JSON Schema of the file.

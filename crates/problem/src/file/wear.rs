@@ -40,6 +40,11 @@ pub(super) struct WearSection {
     range_rad: f64,
     /// Variance of the random field, whose mean is 1.
     variance: f64,
+    /// The share of the depth that a pair has worn off when it is met: random and evenly distributed between the two
+    /// numbers, as for a gear that wears evenly over its life and is met at any time of it. `[0.0, 1.0]` is a whole
+    /// life from new to worn. The whole depth if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    life: Option<[f64; 2]>,
 }
 
 impl Default for WearSection {
@@ -167,6 +172,7 @@ impl TryFrom<WearSection> for Wear {
             kernel: section.kernel,
             range: section.range_rad,
             variance: section.variance,
+            life: section.life,
         })
     }
 }
@@ -182,6 +188,7 @@ impl From<Wear> for WearSection {
             kernel: wear.kernel,
             range_rad: wear.range,
             variance: wear.variance,
+            life: wear.life,
         };
         match wear.law {
             WearLaw::Archard { max_depth_um } => section.max_depth_um = Some(max_depth_um),
@@ -244,5 +251,7 @@ pub(super) fn validate(wear: &Wear, source: Source<'_>) -> Result<(), FileError>
         }
     }
     source.within("wear.range_rad", wear.range, 1e-6, 1e6, "rad")?;
-    source.within("wear.variance", wear.variance, 0.0, 1e3, "")
+    source.within("wear.variance", wear.variance, 0.0, 1e3, "")?;
+    let life = wear.life.unwrap_or([0.0, 1.0]);
+    source.ordered("wear.life", life, 0.0, 100.0)
 }

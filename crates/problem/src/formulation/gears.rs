@@ -3,32 +3,34 @@
 use gear::{Discretisation, PairInput};
 
 use super::space::DerivedValues;
-use super::{Constraint, Design};
+use super::{Analysis, Constraint, Design, State};
 use crate::file::{GearSections, HELIX_ANGLE, gear_size};
 
-pub(super) mod corrections;
+mod cases;
+mod corrections;
 mod criteria;
 mod limits;
 mod pair_file;
 mod spaces;
 mod variables;
 
+pub use cases::{CaseSampler, LoadedCases};
 pub use criteria::{GearCriteria, GearDetails};
 pub(super) use criteria::{
     SAMPLED, analysis, belongs_to, check, check_delta_ste, criteria, responses, responses_of,
+    sampled,
 };
 pub use limits::constraints;
 pub(super) use spaces::{base, free, whole};
+use variables::variable_names;
 pub(super) use variables::variables;
-pub use variables::{ALL_VARIABLES, GearVariables, VARIABLE_NAMES};
+pub use variables::{ALL_VARIABLES, CORRECTION_NAMES, GearVariables, VARIABLE_NAMES};
 
 /// The values common to all pairs of a campaign.
 #[derive(Debug, Clone)]
 pub struct Gears {
     sections: GearSections,
     template: PairInput,
-    /// The shape of tip relief, for designs whose variables include it.
-    relief_shape: gear::ReliefShape,
 }
 
 impl Gears {
@@ -55,17 +57,57 @@ impl Gears {
             pinion_torque: sections.load.pinion_torque_nm * 1e3,
             material: sections.material.to_gear(),
         };
-        Self {
-            template,
-            relief_shape: gear::ReliefShape::Linear,
-            sections,
-        }
+        Self { template, sections }
     }
 
     /// The scatter of manufacture; none without `[manufacture]`.
     #[must_use]
     pub fn scatter(&self) -> gear::Scatter {
         self.sections.manufacture.unwrap_or_default().to_gear()
+    }
+
+    /// A design in all cases of the campaign's load.
+    ///
+    /// # Errors
+    ///
+    /// The design is not simulable.
+    pub fn loaded(&self, design: &Design) -> Result<LoadedCases, gear::Error> {
+        Ok(self.cases_of(self.pair(design)?, self.wear())?)
+    }
+
+    /// A pair with this wear in all cases of the campaign's load.
+    ///
+    /// # Errors
+    ///
+    /// The contact under another torque cannot be solved.
+    pub fn cases_of(
+        &self,
+        pair: gear::Pair,
+        wear: &gear::Wear,
+    ) -> Result<LoadedCases, gear::Infeasibility> {
+        LoadedCases::new(pair, &self.sections.load, wear, self.scatter())
+    }
+
+    /// The analysis of a pair in one state: the ΔSTE that counts of those in all cases, and the pressure under the
+    /// load's own torque.
+    #[must_use]
+    pub fn analyse(&self, cases: &LoadedCases, state: State) -> Analysis {
+        let pair = cases.pair();
+        let load = &self.sections.load;
+        let analyses = match state {
+            State::Nominal => cases.unworn(),
+            State::Baseline => cases.worn(),
+        };
+        let values: Vec<f64> = analyses.iter().map(|one| one.delta_ste_um).collect();
+        let pressure = match (state, load.cases.is_empty()) {
+            (State::Nominal, _) => pair.unworn().hertz_pressure_mpa,
+            (State::Baseline, true) => analyses[0].hertz_pressure_mpa,
+            (State::Baseline, false) => pair.archard(self.wear()).analysis.hertz_pressure_mpa,
+        };
+        Analysis {
+            value: load.combined(&values),
+            criteria: self.pair_criteria(pair, pressure).into(),
+        }
     }
 
     /// A sampler of random flanks of a pair, with the campaign's wear and its scatter of manufacture.
@@ -80,18 +122,13 @@ impl Gears {
         &self.sections.wear
     }
 
-    pub(super) const fn set_relief_shape(&mut self, shape: gear::ReliefShape) {
-        self.relief_shape = shape;
-    }
-
-    /// The profile corrections of a design; none unless its problem has them as
-    /// [variables](super::Problem::with_corrections).
+    /// The corrections of a design; none in a campaign without `[corrections]`.
     #[must_use]
     pub fn corrections(&self, design: &Design) -> gear::Corrections {
-        corrections::of_values(design.values(), self.relief_shape)
+        self.sections.corrections_of(design)
     }
 
-    /// The simulator's input for a design, without profile corrections.
+    /// The simulator's input for a design, without its corrections.
     #[must_use]
     pub fn pair_input(&self, design: &Design) -> PairInput {
         let variables = design.gears();
@@ -162,7 +199,7 @@ impl Gears {
         hertz_pressure_mpa: f64,
     ) -> GearCriteria {
         let sections = &self.sections;
-        let is_detailed = sections.constraints.need_details();
+        let is_detailed = sections.need_details();
         let factors = is_detailed.then_some(&sections.strength);
         GearCriteria::of_pair(pair, hertz_pressure_mpa, factors)
     }
@@ -174,6 +211,15 @@ impl Gears {
             &self.sections.material.strength(self.sections.strength),
             criteria,
         )
+    }
+}
+
+impl GearSections {
+    /// The corrections of a design.
+    fn corrections_of(&self, design: &Design) -> gear::Corrections {
+        let section = self.corrections.as_ref();
+        let shape = section.and_then(|section| section.tip_relief_shape);
+        corrections::of_values(design.values(), shape.unwrap_or_default())
     }
 }
 

@@ -3,7 +3,7 @@
 use stats::{IntervalEstimate, Samples};
 
 use super::{Bound, Constraint, Quantity};
-use crate::file::{Aim, Combination, ExternalSections, Objective, Sampling};
+use crate::file::{Aim, Combination, ExternalSections, Load, Objective, Sampling, Several};
 
 /// The probability with which a measure keeps the limit by which its estimate or prediction is judged.
 const HOLDS: f64 = 0.95;
@@ -47,6 +47,46 @@ impl ResponseMeasure {
             searched: sampling.clone(),
             limit: None,
         }
+    }
+
+    /// The measure of a gear pair's objective over the cases of its load, and then the same measure of each case that
+    /// has a limit.
+    pub(super) fn of_cases(
+        combined: Quantity,
+        cases: &[Quantity],
+        load: &Load,
+        sampling: &Sampling,
+    ) -> Vec<Self> {
+        let mut objective = Self::of_one(combined, sampling);
+        if !load.cases.is_empty() {
+            let names = cases.iter().map(|case| case.name.to_string());
+            let combined = match load.weights() {
+                Some(weights) => Several::Sum(names.zip(weights).collect()),
+                None => Several::Greatest(names.collect()),
+            };
+            objective.places = match &combined {
+                // In the order of the names, as the sum has its weights.
+                Several::Sum(weights) => weights
+                    .keys()
+                    .filter_map(|name| cases.iter().position(|case| case.name == *name))
+                    .collect(),
+                _ => (0..cases.len()).collect(),
+            };
+            objective.stated.objective.response = Some(Combination::Several(combined));
+        }
+        let limited = load.cases.iter().zip(cases).enumerate();
+        let limited = limited.filter_map(|(place, (case, quantity))| {
+            let limit = case.delta_ste_max_um?;
+            let mut measure = Self::of_one(quantity.clone(), sampling);
+            measure.quantity.name = format!("limited_{}", quantity.name).into();
+            measure.places = vec![place];
+            measure.limit = Some(Limit {
+                stated: limit,
+                searched: limit,
+            });
+            Some(measure)
+        });
+        std::iter::once(objective).chain(limited).collect()
     }
 
     /// The measure of the objective, and then those of the constraints, in the order of the file.

@@ -99,21 +99,6 @@ impl Space {
         }
     }
 
-    /// Adds a variable, which is a coordinate if it has a range, and zero otherwise.
-    pub(super) fn push(&mut self, name: &'static str, range: Option<[f64; 2]>) {
-        let Some(range) = range else {
-            self.sources.push(Source::Fixed(0.0));
-            return;
-        };
-        self.sources.push(Source::Moved(self.coordinates.len()));
-        self.coordinates.push(Coordinate {
-            name: name.into(),
-            unit: "".into(),
-            range,
-            values: Vec::new(),
-        });
-    }
-
     pub(super) fn coordinates(&self) -> &[Coordinate] {
         &self.coordinates
     }

@@ -278,8 +278,8 @@ fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
         "tip_clearance_min_modules = 0.15\ntip_land_min_modules = 0.4\nflank_safety_min = 0.1";
     let limited = bounded("normal_module_mm = 5.0", &bounds, limits).unwrap();
     let plain = bounded("normal_module_mm = 5.0", &bounds, "").unwrap();
-    assert_eq!(plain.criteria().len() + 8, limited.criteria().len());
-    assert_eq!(plain.responses().len() + 8, limited.responses().len());
+    assert_eq!(plain.criteria().len() + 9, limited.criteria().len());
+    assert_eq!(plain.responses().len() + 9, limited.responses().len());
     let design = limited.design(&[0.9, 0.0], limited.base());
     let analyses = [State::Nominal, State::Baseline].map(|state| {
         use crate::simulator::Simulator as _;
@@ -314,51 +314,174 @@ fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
     }
 }
 
+/// The problem of the paper's campaign with this `[corrections]`, on teeth that know the face.
+fn corrected(section: &str) -> Problem {
+    let text = Campaign::PAPER.replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1);
+    let text = format!("{text}\n[corrections]\n{section}");
+    Problem::new(Campaign::parse("c.toml", &text).unwrap())
+}
+
 #[test]
-fn profile_corrections_are_further_variables_within_their_bounds() {
-    let section = CorrectionsSection {
-        tip_relief_um: Some([0.0, 20.0]),
-        tip_relief_length_mm: Some([0.5, 2.5]),
-        tip_relief_shape: Some(gear::ReliefShape::Parabolic),
-        crowning_um: Some([0.0, 8.0]),
-    };
-    let crowned = problem().with_corrections(&section);
-    assert_eq!(crowned.dimension(), 11);
-    let corner = [&[0.5; 6][..], &[0.5, 0.0, 1.0, 1.0, 0.25]].concat();
-    let design = crowned.design(&crowned.free_point(&corner), crowned.base());
-    let corrections = crowned.gears().unwrap().corrections(&design);
+fn corrections_are_variables_that_are_free_fixed_or_tied() {
+    let free = "tip_relief_um = [0.0, 20.0]\ntip_relief_length_mm = [0.5, 2.5]\n\
+                tip_relief_shape = \"parabolic\"\ncrowning_um = [0.0, 8.0]\nhelix_slope_um = [-4.0, 4.0]";
+    let all = corrected(free);
+    assert_eq!(all.dimension(), 12);
+    let corner = [&[0.5; 6][..], &[0.5, 1.0, 0.0, 1.0, 0.25, 0.75]].concat();
+    let design = all.design(&all.free_point(&corner), all.base());
+    let corrections = all.gears().unwrap().corrections(&design);
     let [pinion, mate] = corrections.tip_relief.map(|relief| relief.unwrap());
     assert!((pinion.amount - 0.010).abs() < 1e-15 && pinion.length == 0.5);
     assert!((mate.amount - 0.020).abs() < 1e-15 && mate.length == 2.5);
     assert_eq!(mate.shape, gear::ReliefShape::Parabolic);
     assert!((corrections.crowning - 0.002).abs() < 1e-15);
+    assert!((corrections.helix_slope - 0.002).abs() < 1e-15);
 
-    // Without ranges the pair is the one that the campaign has.
-    let none = problem().with_corrections(&CorrectionsSection::default());
-    assert_eq!(none.dimension(), 6);
-    let design = none.design(&none.free_point(&corner), none.base());
-    assert_eq!(design.values().len(), 16);
-    let corrections = none.gears().unwrap().corrections(&design);
-    assert_eq!(corrections, gear::Corrections::default());
-    let only = CorrectionsSection {
-        crowning_um: Some([0.0, 8.0]),
-        ..CorrectionsSection::default()
-    };
-    assert_eq!(problem().with_corrections(&only).dimension(), 7);
+    // The mate's relief is the pinion's, and what has no key is zero.
+    let tied = corrected(
+        "tip_relief_um = { pinion = [0.0, 20.0], mate = \"tied\" }\ntip_relief_length_mm = 1.5",
+    );
+    assert_eq!(tied.dimension(), 7);
+    let design = tied.design(&tied.free_point(&corner[..7]), tied.base());
+    let corrections = tied.gears().unwrap().corrections(&design);
+    assert_eq!(corrections.tip_relief[0], corrections.tip_relief[1]);
+    assert_eq!(corrections.tip_relief[1].unwrap().length, 1.5);
+    assert_eq!(corrections.crowning, 0.0);
+    // A pair file holds them.
+    let sections = tied.campaign().gears().unwrap();
+    let file = crate::PairFile::of_design(sections, &design);
+    assert_eq!(file.corrections(), corrections);
 
-    // The module follows from the other variables alone, and the analysis knows the corrections.
-    let analysed = |problem: &Problem, unit: &[f64]| {
-        let design = problem.design(&problem.free_point(unit), problem.base());
-        problem.prepare(&design).unwrap().analyse(State::Baseline)
+    // An amount of zero is no relief, and the analysis knows the corrections.
+    let value = |amount: f64| {
+        let unit = [0.3, 0.4, 0.5, 0.5, 0.5, 0.5, amount];
+        let design = tied.design(&tied.free_point(&unit), tied.base());
+        tied.prepare(&design)
+            .unwrap()
+            .analyse(State::Baseline)
+            .unwrap()
     };
+    let none = corrected("crowning_um = 0.0");
     let unit = [0.3, 0.4, 0.5, 0.5, 0.5, 0.5];
-    let plain = analysed(&problem(), &unit).unwrap();
-    assert_eq!(analysed(&none, &unit).unwrap(), plain);
-    // The campaign's tooth model does not allow crowning.
-    let relieved = problem().with_corrections(&CorrectionsSection {
-        crowning_um: None,
-        ..section
+    let design = none.design(&none.free_point(&unit), none.base());
+    let plain = none
+        .prepare(&design)
+        .unwrap()
+        .analyse(State::Baseline)
+        .unwrap();
+    assert_eq!(value(0.0).value, plain.value);
+    assert_ne!(value(0.5).value, plain.value);
+}
+
+#[test]
+fn reliefs_longer_than_the_path_of_contact_are_no_feasible_design() {
+    let problem = corrected("tip_relief_um = 5.0\ntip_relief_length_mm = [0.5, 20.0]");
+    let of = |unit: f64| {
+        let x = problem.free_point(&[0.3, 0.4, 0.5, 0.5, 0.5, 0.5, unit, unit]);
+        let design = problem.design(&x, problem.base());
+        let analysis = problem.prepare(&design).unwrap().analyse(State::Baseline);
+        let constraints = problem.constraints(&analysis.unwrap().criteria);
+        let found = constraints
+            .into_iter()
+            .find(|one| one.name == "pure involute");
+        found.expect("campaigns with relief limit it")
+    };
+    assert!(of(0.0).holds());
+    let long = of(1.0);
+    assert!(!long.holds() && long.value < 0.0 && long.limit == 0.0);
+}
+
+/// [`HOB`]'s campaign with three cases: the whole wear, new flanks, and a quarter of the torque.
+fn with_cases(more: [&str; 3]) -> Result<Problem, String> {
+    let cases: String = ["", "wear = 0.0", "name = \"idle\"\npinion_torque_nm = 50.0"]
+        .iter()
+        .zip(more)
+        .map(|(case, more)| format!("[[load.cases]]\n{case}\n{more}\n"))
+        .collect();
+    let text = Campaign::WEAR.replacen("[material]", &format!("{cases}[material]"), 1);
+    let campaign = Campaign::parse("c.toml", &text).map_err(|error| error.to_string())?;
+    Ok(Problem::new(campaign))
+}
+
+#[test]
+fn a_sample_is_the_transmission_error_in_every_case() {
+    use crate::simulator::Simulator as _;
+    let plain = Problem::new(Campaign::parse("c.toml", Campaign::WEAR).unwrap());
+    let problem = with_cases([""; 3]).unwrap();
+    let names: Vec<&str> = problem.sampled().iter().map(|one| &*one.name).collect();
+    let expected = [
+        "delta_ste_case_1_um",
+        "delta_ste_case_2_um",
+        "delta_ste_idle_um",
+    ];
+    assert_eq!(names, expected);
+    let unit = [0.3, 0.4, 0.5, 0.5, 0.5, 0.5];
+    let design = problem.design(&problem.free_point(&unit), problem.base());
+    let mut prepared = problem.prepare(&design).unwrap();
+    let none = vec![0.0; prepared.modes()];
+    let sample = prepared.sample_at(&none).unwrap();
+    // Without cases the sample is the first case's.
+    let mut alone = plain.prepare(&design).unwrap();
+    assert_eq!(alone.sample_at(&none).unwrap(), sample[..1]);
+    let [unworn, worn] = [State::Nominal, State::Baseline].map(|state| {
+        [&mut alone, &mut prepared].map(|design| design.analyse(state).unwrap().value)
     });
-    let corrected = analysed(&relieved, &[&unit[..], &[0.5; 4]].concat()).unwrap();
-    assert_ne!(corrected.value, plain.value);
+    assert!((sample[1] - unworn[0]).abs() < 1e-9);
+    // The greatest counts, in the baseline and in every sample.
+    let greatest = sample.iter().copied().fold(0.0, f64::max);
+    assert!((worn[1] - greatest).abs() < 1e-9);
+    assert!(unworn[1] >= unworn[0]);
+    let mut samples = stats::Samples::none(3);
+    samples.push(&sample);
+    assert_eq!(problem.objective().values(&samples), [greatest]);
+    // The same random numbers give the same first case.
+    let key = || stats::streams::stream(1, stats::streams::Purpose::Wear, 2, 3);
+    let drawn = [&mut alone, &mut prepared].map(|design| design.sample(&mut key()).unwrap()[0]);
+    assert_eq!(drawn[0], drawn[1]);
+
+    let weighted = with_cases(["weight = 1", "weight = 2", "weight = 5"]).unwrap();
+    let mean = (sample[0] + 2.0 * sample[1] + 5.0 * sample[2]) / 8.0;
+    assert!((weighted.objective().values(&samples)[0] - mean).abs() < 1e-12);
+    let value = weighted.prepare(&design).unwrap().analyse(State::Baseline);
+    assert!((value.unwrap().value - mean).abs() < 1e-9);
+}
+
+#[test]
+fn limits_of_cases_are_measures_with_a_limit() {
+    use crate::simulator::Simulator as _;
+    let problem = with_cases(["", "delta_ste_max_um = 3.5", ""]).unwrap();
+    let [limited] = problem.limited() else {
+        panic!("one case is limited")
+    };
+    assert_eq!(limited.limit(), Some(3.5));
+    assert_eq!(&*limited.response.name, "delta_ste_case_2_um");
+    let design = problem.design(&problem.free_point(&[0.5; 6]), problem.base());
+    let analysis = problem.prepare(&design).unwrap().analyse(State::Baseline);
+    let criteria = analysis.unwrap().criteria;
+    assert_eq!(criteria.values().len(), problem.deterministic().len());
+    let without = problem.constraints(&criteria);
+    let constraints = problem.constraints(&problem.with_limited(&criteria, &[4.0]));
+    assert_eq!(constraints.len(), without.len() + 1);
+    assert!(!constraints.last().unwrap().holds());
+    // The details are read in spite of the bounds behind them.
+    let again = problem.with_limited(&criteria, &[4.0]).gears();
+    assert_eq!(again, criteria.gears());
+}
+
+#[test]
+fn invalid_cases_are_refused_by_key() {
+    for (more, why) in [
+        (["weight = 1", "", ""], "load.cases[2].weight is missing"),
+        (["", "weight = 1", ""], "load.cases[1].weight is missing"),
+        (["wear = -1", "", ""], "load.cases[1].wear"),
+        (["name = \"a b\"", "", ""], "load.cases[1].name"),
+        (["name = \"idle\"", "", ""], "load.cases[3].name"),
+        (
+            ["", "delta_ste_max_um = 0", ""],
+            "load.cases[2].delta_ste_max_um",
+        ),
+    ] {
+        let error = with_cases(more).unwrap_err();
+        assert!(error.contains(why), "{more:?}: {error}");
+    }
 }

@@ -60,7 +60,7 @@ fn a_flank_class_changes_the_samples_alone() {
     let flank_class = gear::FlankClass::new(6).unwrap();
     campaign.gears_mut().unwrap().manufacture = Some(crate::file::Manufacture {
         flank_class: Some(flank_class),
-        misalignment_um: None,
+        ..Default::default()
     });
     let problem = Problem::new(campaign);
     let source = Source::Design(asked());

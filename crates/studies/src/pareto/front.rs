@@ -3,7 +3,7 @@
 use anyhow::Context as _;
 use problem::formulation::Problem;
 use problem::simulator::State;
-use problem::{Design, GearCriteria, GearVariables};
+use problem::{Design, GearCriteria};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
 use stats::IntervalEstimate;
@@ -103,7 +103,7 @@ pub struct Point {
     /// The origin of the design.
     pub source: Source,
     /// The design.
-    pub variables: GearVariables,
+    pub design: Design,
     pub criteria: GearCriteria,
     /// P90 from the samples of the campaign, or of the search that found it.
     pub p90: IntervalEstimate,
@@ -169,7 +169,7 @@ pub async fn of_doe(
         };
         points.push(Point {
             source: Source::Doe(response.design),
-            variables: design.gears(),
+            design,
             criteria,
             p90: IntervalEstimate {
                 n: samples,
@@ -191,7 +191,7 @@ pub fn of_optima(optima: &Optima) -> Vec<Point> {
         let p90 = verified.measure.filter(|p90| p90.value.is_finite())?;
         Some(Point {
             source: Source::Optimum(verified.optimum.approach.name()),
-            variables: found.design.gears(),
+            design: found.design.clone(),
             criteria: found.criteria.gears(),
             p90,
             verified: Some(p90),
@@ -243,7 +243,7 @@ pub fn front_of_doe(
 /// Gives points the percentiles of verification samples.
 fn verify(problem: &Problem, points: Vec<Point>) -> anyhow::Result<Vec<Point>> {
     let verified = |mut point: Point| {
-        let samples = samples::verification(problem, &point.variables.into())
+        let samples = samples::verification(problem, &point.design)
             .with_context(|| format!("the {}", point.source.name()))?;
         point.verified = Some(problem.campaign().sampling.verified(&samples)?);
         Ok(point)
@@ -268,7 +268,7 @@ pub fn refine(
     // The optimum without wear has a helix angle and radii of its own, out of these searches' reach.
     let known: Vec<Point> = known
         .iter()
-        .filter(|point| problem.base_of(&point.variables.into()) == *base)
+        .filter(|point| problem.base_of(&point.design) == *base)
         .cloned()
         .collect();
     let front = front_of(&known, against, Point::judged);
@@ -285,7 +285,7 @@ pub fn refine(
             .iter()
             .rev()
             .find(|&&i| against.of(&known[i].criteria) < limit)
-            .map(|&i| Design::from(known[i].variables));
+            .map(|&i| known[i].design.clone());
         let limited = against.limited(problem, limit);
         let start = Start {
             number: FIRST_SEARCH + u64::from(number),
@@ -296,7 +296,7 @@ pub fn refine(
         let search = direct::search(&limited, start)?;
         Ok(search.best.map(|found| Point {
             source: Source::Search,
-            variables: found.design.gears(),
+            design: found.design.clone(),
             criteria: found.criteria.gears(),
             p90: IntervalEstimate {
                 n: problem.campaign().sampling.samples_per_design as usize,
@@ -341,7 +341,7 @@ mod tests {
         };
         Point {
             source,
-            variables: design.gears(),
+            design: design.clone(),
             criteria: {
                 let gears = problem.gears().unwrap();
                 gears.pair_criteria(&gears.pair(&design).unwrap(), pressure)

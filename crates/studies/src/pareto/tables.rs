@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use problem::file::Sampling;
 use problem::formulation::Problem;
-use problem::formulation::gears::VARIABLE_NAMES;
 use results::number::{MISSING, fixed};
 use results::report::charts::{self, PercentileSeries};
 use results::report::{Error, Picture, write_file};
@@ -31,8 +29,7 @@ pub fn write_tables(
     marked: &[Point],
     searches: u32,
 ) -> anyhow::Result<Document> {
-    let sampling = &problem.campaign().sampling;
-    let figures = all_figures(sampling, marked);
+    let figures = all_figures(problem, marked);
     write_file(out, "pareto.csv", figures.csv()?)?;
     let mut page = format!(
         "# {}: {} of ΔSTE against the {}\n\n\
@@ -99,20 +96,21 @@ fn summary(problem: &Problem, against: Objective, points: &[Point]) -> PageTable
     table
 }
 
-fn all_figures(sampling: &Sampling, points: &[Point]) -> Table {
-    let estimated = sampling.measure_columns();
+fn all_figures(problem: &Problem, points: &[Point]) -> Table {
+    let estimated = problem.campaign().sampling.measure_columns();
     let verified = estimated
         .each_ref()
         .map(|column| format!("verified_{column}"));
     let mut columns = vec![Column::text("source")];
-    columns.extend(VARIABLE_NAMES.map(Column::number));
+    let names = problem.variables().iter().map(|variable| &*variable.name);
+    columns.extend(names.map(Column::number));
     columns.extend(CRITERIA.map(Column::number));
     columns.extend(estimated.into_iter().chain(verified).map(Column::number));
     columns.push(Column::whole("on_front"));
     let mut table = Table::new(columns);
     for point in points {
         let mut line = row![point.source.name()].to_vec();
-        line.extend(point.variables.values().map(Cell::from));
+        line.extend(point.design.values().iter().copied().map(Cell::from));
         line.extend(criteria_cells(Some(&point.criteria)));
         line.extend(percentile_cells(Some(point.p90)));
         line.extend(percentile_cells(point.verified));
@@ -176,7 +174,7 @@ mod tests {
         let pair = gears.pair(&design).unwrap();
         let point = |source, pressure| Point {
             source,
-            variables: design.gears(),
+            design: design.clone(),
             criteria: gears.pair_criteria(&pair, pressure),
             p90: IntervalEstimate {
                 n: 30,
@@ -191,9 +189,7 @@ mod tests {
             point(Source::Optimum("kriging"), 1300.0),
         ];
         assert!(
-            all_figures(&problem.campaign().sampling, &points)
-                .csv()
-                .is_ok(),
+            all_figures(&problem, &points).csv().is_ok(),
             "every row is complete"
         );
         let chart = chart(&problem, Objective::Pressure, &points, &points);

@@ -111,7 +111,7 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
         let (gears, sections) = (problem.gears().unwrap(), campaign.gears().unwrap());
         let x = [0.1, 0.7 / 3.0, 1.3, 1.21, 1.1, 0.9];
         let design = problem.design(&x, problem.base());
-        let file = parse(&PairFile::of_design(sections, &design.gears()).to_toml()).unwrap();
+        let file = parse(&PairFile::of_design(sections, &design).to_toml()).unwrap();
         assert_eq!(file.to_gear(), gears.pair_input(&design));
         assert_eq!(&file.wear, gears.wear());
         assert_eq!(file.corrections(), gear::Corrections::default());
@@ -121,9 +121,9 @@ fn the_pair_file_of_a_design_is_the_campaigns_simulator_input() {
         let flank_class = gear::FlankClass::new(6).unwrap();
         of_class.manufacture = Some(Manufacture {
             flank_class: Some(flank_class),
-            misalignment_um: None,
+            ..Default::default()
         });
-        let file = parse(&PairFile::of_design(&of_class, &design.gears()).to_toml()).unwrap();
+        let file = parse(&PairFile::of_design(&of_class, &design).to_toml()).unwrap();
         assert_eq!(file.scatter().flank_class, gear::FlankClass::new(6));
     }
     let full = parse(FULL).unwrap();

@@ -4,6 +4,7 @@ use gear::rating;
 use serde::{Deserialize, Serialize};
 
 use super::super::{Analysis, Criteria, Quantity, State};
+use crate::file::Load;
 
 /// The criteria, in the order of the fields of [`GearCriteria`].
 static CRITERIA: [Quantity; GearCriteria::COUNT] = [
@@ -37,6 +38,7 @@ static RESPONSES: [Quantity; 11] = [
 /// fields of [`GearDetails`].
 static DETAILS: [Quantity; GearDetails::COUNT] = [
     Quantity::of("transverse_contact_ratio", ""),
+    Quantity::of("pure_involute_mm", "mm"),
     Quantity::of("tip_land_p_mm", "mm"),
     Quantity::of("tip_land_r_mm", "mm"),
     Quantity::of("iso_root_stress_p_mpa", "MPa"),
@@ -61,8 +63,19 @@ fn with_details(quantities: &[Quantity], detailed: bool) -> Vec<Quantity> {
     quantities.iter().chain(details).cloned().collect()
 }
 
-/// The response that is sampled.
+/// The response that is measured: ΔSTE, combined over the cases of a load that has any.
 pub(in super::super) const SAMPLED: Quantity = Quantity::of("delta_ste_um", "µm");
+
+/// The responses of a sample: ΔSTE in each case.
+pub(in super::super) fn sampled(load: &Load) -> Vec<Quantity> {
+    if load.cases.is_empty() {
+        return vec![SAMPLED];
+    }
+    let names = load.case_names().into_iter();
+    names
+        .map(|name| Quantity::new(&format!("delta_ste_{name}_um"), "µm"))
+        .collect()
+}
 
 /// Largest plausible ΔSTE in µm: one metre. A larger number would spoil everything that is learned
 /// from it.
@@ -97,6 +110,8 @@ pub struct GearCriteria {
 pub struct GearDetails {
     /// ε_α, the transverse contact ratio.
     pub transverse_contact_ratio: f64,
+    /// Length of the path of contact without relief, mm; negative where reliefs are longer than the path.
+    pub pure_involute_mm: f64,
     /// Thickness at the tip circle in the normal section, mm, as if the tip were not rounded.
     pub tip_land_mm: [f64; 2],
     /// σ_F, the root stress of ISO 6336-3 with the factors of `[strength]`, MPa.
@@ -135,7 +150,7 @@ impl GearCriteria {
     }
 
     /// The criteria with these values, in the order of the fields; `None` if their number fits
-    /// neither form.
+    /// neither form. Bounds of limited measures may follow the details.
     #[must_use]
     pub fn of_values(values: &[f64]) -> Option<Self> {
         let (first, details) = values.split_at_checked(Self::COUNT)?;
@@ -150,7 +165,7 @@ impl GearCriteria {
             clearance_mm: [e, f],
             flank_margin_mm: [g, h],
             normal_module_mm,
-            details: GearDetails::of_values(details)?,
+            details: GearDetails::of_values(&details[..details.len().min(GearDetails::COUNT)])?,
         })
     }
 
@@ -174,13 +189,14 @@ impl GearCriteria {
 }
 
 impl GearDetails {
-    const COUNT: usize = 8;
+    const COUNT: usize = 9;
 
     fn of_pair(pair: &gear::UnloadedPair, factors: &rating::Factors) -> Self {
         let geometry = pair.geometry();
         let rating = rating::rate(pair, 1.0, factors);
         Self {
             transverse_contact_ratio: geometry.eps_alpha_left(),
+            pure_involute_mm: pair.corrections().pure_involute(geometry),
             tip_land_mm: rating::tip_land(geometry),
             iso_root_stress_mpa: rating.root_stress_mpa,
             iso_flank_stress_mpa: rating.flank_stress_mpa,
@@ -192,8 +208,9 @@ impl GearDetails {
     fn of_values(values: &[f64]) -> Option<Option<Self>> {
         match *values {
             [] => Some(None),
-            [a, b, c, d, e, f, g, centre_distance_mm] => Some(Some(Self {
+            [a, pure_involute_mm, b, c, d, e, f, g, centre_distance_mm] => Some(Some(Self {
                 transverse_contact_ratio: a,
+                pure_involute_mm,
                 tip_land_mm: [b, c],
                 iso_root_stress_mpa: [d, e],
                 iso_flank_stress_mpa: [f, g],
@@ -208,6 +225,7 @@ impl GearDetails {
         let (root, flank) = (self.iso_root_stress_mpa, self.iso_flank_stress_mpa);
         [
             self.transverse_contact_ratio,
+            self.pure_involute_mm,
             land[0],
             land[1],
             root[0],
@@ -327,7 +345,7 @@ impl Criteria {
     #[must_use]
     pub fn gears(&self) -> GearCriteria {
         GearCriteria::of_values(self.values())
-            .expect("a gear pair has nine criteria, or with details seventeen")
+            .expect("a gear pair has nine criteria, or with details eighteen")
     }
 }
 

@@ -81,6 +81,17 @@ fn of_details(
         limit
             .map(|limit| Constraint::new("transverse contact ratio", "", transverse, Above, limit)),
     );
+    let limit = limits.pure_involute_min_mm;
+    all.extend(limit.map(|limit| Constraint {
+        scale: module,
+        ..Constraint::new(
+            "pure involute",
+            "mm",
+            details.pure_involute_mm,
+            AtLeast,
+            limit,
+        )
+    }));
     let root_safety = strength.root_safety(details.iso_root_stress_mpa);
     for (names, unit, values, limit) in [
         (

@@ -1,14 +1,16 @@
 //! The pair file of a campaign's design.
 
-use super::GearVariables;
-use crate::file::{GearSections, PairFile, PairSection};
+use super::super::Design;
+use crate::file::{GearSections, PairCorrections, PairFile, PairSection};
 
 impl PairFile {
     /// The pair file of one design of a gear campaign, with the campaign's load, material, wear, flank
     /// class and limits.
     #[must_use]
-    pub fn of_design(sections: &GearSections, design: &GearVariables) -> Self {
+    pub fn of_design(sections: &GearSections, design: &Design) -> Self {
         let pair = &sections.pair;
+        let corrections = PairCorrections::of_gear(&sections.corrections_of(design));
+        let design = design.gears();
         Self {
             pair: PairSection {
                 teeth: pair.teeth(),
@@ -31,12 +33,12 @@ impl PairFile {
                 tip_rule: pair.tip_rule,
                 hub_radius_mm: pair.hub_radius_mm,
             },
-            load: sections.load,
+            load: sections.load.clone(),
             material: sections.material,
             strength: sections.strength,
             wear: sections.wear,
             manufacture: sections.manufacture,
-            corrections: None,
+            corrections,
             constraints: Some(sections.constraints),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::super::Design;
 use super::super::space::{Coordinate, Source, Space};
-use super::{ALL_VARIABLES, VARIABLE_NAMES};
+use super::{ALL_VARIABLES, variable_names};
 use crate::file::{GearSections, HELIX_ANGLE, ROOT_RADII, Relation, Setting, TIP_RADII};
 
 /// The names of the radii in modules.
@@ -25,7 +25,9 @@ pub(in super::super) fn free(sections: &GearSections) -> Space {
 
 /// The campaign file's values of the variables that the DoE does not vary.
 pub(in super::super) fn base(sections: &GearSections) -> Design {
-    Design::new(frozen(sections).map(Option::unwrap_or_default).to_vec())
+    let mut values = frozen(sections).map(Option::unwrap_or_default).to_vec();
+    values.resize(sections.settings().len(), 0.0);
+    Design::new(values)
 }
 
 /// The value of each frozen variable.
@@ -47,10 +49,11 @@ fn frozen(sections: &GearSections) -> [Option<f64>; ALL_VARIABLES] {
 fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Space {
     let mut coordinates = Vec::new();
     let mut sources = Vec::new();
-    for (place, setting) in sections.bounds.settings().into_iter().enumerate() {
+    let settings = sections.settings().into_iter();
+    for (place, (setting, name)) in settings.zip(variable_names(sections)).enumerate() {
         let in_modules = (TIP_RADII.start..ROOT_RADII.end).contains(&place);
         sources.push(match setting {
-            _ if frozen[place].is_some() => Source::Kept,
+            _ if frozen.get(place).is_some_and(Option::is_some) => Source::Kept,
             Setting::Fixed(value) if in_modules => Source::FixedInModules(value),
             Setting::Fixed(value) => Source::Fixed(value),
             Setting::Relation(Relation::Tied) => Source::Tied,
@@ -59,7 +62,7 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
                 let name = if in_modules {
                     RADII_IN_MODULES[place - TIP_RADII.start]
                 } else {
-                    VARIABLE_NAMES[place]
+                    name
                 };
                 coordinates.push(Coordinate {
                     name: name.into(),

@@ -3,11 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::super::{Design, Quantity};
+use crate::file::{CORRECTIONS, GearSections};
 
 /// The number of variables of a gear pair.
 pub const ALL_VARIABLES: usize = 11;
 
-/// The names of all variables in their order, as in exported columns.
+/// The names of the pair's variables in their order, as in exported columns.
 pub const VARIABLE_NAMES: [&str; ALL_VARIABLES] = [
     "x_p",
     "x_r",
@@ -22,9 +23,25 @@ pub const VARIABLE_NAMES: [&str; ALL_VARIABLES] = [
     "beta_deg",
 ];
 
+/// The names of the corrections in their order, which follow those of the pair in campaigns with `[corrections]`.
+pub const CORRECTION_NAMES: [&str; CORRECTIONS] = [
+    "tip_relief_p_um",
+    "tip_relief_r_um",
+    "tip_relief_length_p_mm",
+    "tip_relief_length_r_mm",
+    "crowning_um",
+    "helix_slope_um",
+];
+
+/// The names of all variables of a campaign's designs.
+pub(super) fn variable_names(sections: &GearSections) -> impl Iterator<Item = &'static str> {
+    let corrections = sections.corrections.iter().flat_map(|_| CORRECTION_NAMES);
+    VARIABLE_NAMES.into_iter().chain(corrections)
+}
+
 /// All variables.
-pub(in super::super) fn variables() -> Vec<Quantity> {
-    let names = VARIABLE_NAMES.iter();
+pub(in super::super) fn variables(sections: &GearSections) -> Vec<Quantity> {
+    let names = variable_names(sections);
     names.map(|name| Quantity::of(name, "")).collect()
 }
 
@@ -83,7 +100,7 @@ impl GearVariables {
 }
 
 impl Design {
-    /// The design as a gear pair, without profile corrections.
+    /// The design as a gear pair, without its corrections.
     ///
     /// # Panics
     ///

@@ -1,18 +1,10 @@
-//! Sections common to the campaign file and the pair file.
+//! `[manufacture]`: the scatter of manufacture and assembly.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
 use super::validate::{InvalidValue, Source};
-
-/// `[load]`
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Load {
-    /// Torque on the pinion, N·m.
-    pub pinion_torque_nm: f64,
-}
 
 /// `[manufacture]`, optional. Without it flanks are as designed and shafts parallel.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -23,12 +15,9 @@ pub struct Manufacture {
     /// Tolerance ± of the misalignment of the shafts over the face width, µm in the plane of action; three
     /// standard deviations. The tooth model `whole-face-beam` does not know of it.
     pub misalignment_um: Option<f64>,
-}
-
-impl Load {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        source.between("load.pinion_torque_nm", self.pinion_torque_nm, 0.0, 1e12)
-    }
+    /// Tolerance ± of the amounts of tip relief, µm; three standard deviations.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip_relief_tolerance_um: Option<f64>,
 }
 
 impl Manufacture {
@@ -45,7 +34,11 @@ impl Manufacture {
         let misalignment = self
             .misalignment_um
             .map(|um| format!("shafts out of line by up to {um} µm over the face"));
-        let known: Vec<String> = class.into_iter().chain(misalignment).collect();
+        let relief = self
+            .tip_relief_tolerance_um
+            .map(|um| format!("amounts of tip relief off by up to {um} µm"));
+        let known = class.into_iter().chain(misalignment).chain(relief);
+        let known: Vec<String> = known.collect();
         format!(
             "{}; no pitch or form deviations, no dynamics",
             known.join("; ")
@@ -58,6 +51,7 @@ impl Manufacture {
         gear::Scatter {
             flank_class: self.flank_class,
             misalignment: 1e-3 * self.misalignment_um.unwrap_or_default(),
+            tip_relief: 1e-3 * self.tip_relief_tolerance_um.unwrap_or_default(),
         }
     }
 
@@ -66,12 +60,16 @@ impl Manufacture {
         source: Source<'_>,
         model: gear::ToothModel,
     ) -> Result<(), FileError> {
-        if self.flank_class.is_none() && self.misalignment_um.is_none() {
+        if *self == Self::default() {
             return Err(source.error(InvalidValue::in_words(
                 "manufacture",
                 "empty",
-                "a section with flank_class, misalignment_um or both",
+                "a section with flank_class, misalignment_um or tip_relief_tolerance_um",
             )));
+        }
+        if let Some(um) = self.tip_relief_tolerance_um {
+            let key = "manufacture.tip_relief_tolerance_um";
+            source.within(key, um, 0.0, 1000.0, "µm")?;
         }
         self.misalignment_um.map_or(Ok(()), |um| {
             let key = "manufacture.misalignment_um";
