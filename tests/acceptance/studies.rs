@@ -1,4 +1,4 @@
-//! `sweep`, `corrections`, `sensitivity` and `pareto`: studies beyond one campaign.
+//! `sweep`, `sensitivity` and `pareto`: studies beyond one campaign; and the corrections and load cases of a campaign.
 
 use std::time::{Duration, Instant};
 
@@ -152,79 +152,105 @@ fn bad_ranges_of_teeth_are_refused() {
     assert!(!sandbox.path("never").exists());
 }
 
+/// A campaign of relieved and crowned pairs under two torques, new and worn, from its file to tables and pair file. Its
+/// samples are the same with one worker and with three.
 #[test]
-fn corrections_are_compared_with_none() {
+fn corrections_and_load_cases_go_through_a_campaign() {
     let sandbox = Sandbox::new();
-    let plain = small(&sandbox, "plain.toml");
-    let output = sandbox.coordinator(&["corrections", &plain]);
-    assert_code(&output, 2);
-    assert!(
-        errors(&output).contains("[corrections]"),
-        "{}",
-        errors(&output)
-    );
-
-    let section = "\n[corrections]\ntip_relief_um = [0.0, 20.0]\n\
-                   tip_relief_length_mm = [0.5, 4.0]\ncrowning_um = [0.0, 5.0]\n";
+    let section = "\n[corrections]\ntip_relief_um = { pinion = [0.0, 20.0], mate = \"tied\" }\n\
+                   tip_relief_length_mm = 1.5\ncrowning_um = [0.0, 5.0]\n";
+    let cases = "[[load.cases]]\nname = \"worn\"\n[[load.cases]]\nname = \"new\"\nwear = 0.0\n\
+                 delta_ste_max_um = 6.0\n[[load.cases]]\nname = \"light\"\npinion_torque_nm = 50.0\n\
+                 [material]";
     // The whole-face tooth model does not allow crowning.
     let text = small_campaign(60, 8)
         .replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1)
-        .replacen("evaluations = 100 ", "evaluations = 800 ", 1)
-        .replacen("restart_at = 50 ", "restart_at = 400 ", 1);
-    let file = sandbox.write("corrected.toml", &(text + section));
+        .replacen("[material]", cases, 1);
+    let file = sandbox.write("cases.toml", &(text + section));
     let file = file.to_str().unwrap();
-    let output = sandbox.coordinator(&["corrections", file, "--out", "a"]);
-    assert_code(&output, 0);
-    let table = csv(&sandbox, "a/corrections.csv");
-    let spaces: Vec<&str> = column(&table, "corrections").collect();
-    assert_eq!(spaces, ["none", "tip relief", "tip relief and crowning"]);
-    for row in 0..3 {
-        let number = |name: &str| -> f64 {
-            let text = column(&table, name).nth(row).unwrap();
-            text.parse()
-                .unwrap_or_else(|_| panic!("{name} of {row} is {text:?}"))
-        };
-        let (low, p90, high) = (
-            number("p90_low_um"),
-            number("p90_um"),
-            number("p90_high_um"),
-        );
-        assert!(low < p90 && p90 < high);
-        assert!(number("specific_sliding") < 2.0 && number("contact_ratio") > 1.25);
-    }
-    let crowning: Vec<&str> = column(&table, "crowning_um").collect();
-    assert_eq!(crowning[..2], ["0", "0"]);
-    assert!(
-        printed(&output).contains("| tip relief |"),
-        "{}",
-        printed(&output)
-    );
-    // The bounds of corrections do not affect the campaign's results, but change its identity.
     assert_code(&sandbox.coordinator(&["check", file]), 0);
+    for (db, workers) in [("a.db", "1"), ("b.db", "3")] {
+        let run = [
+            "run",
+            file,
+            "--db",
+            db,
+            "--workers",
+            workers,
+            "--out",
+            workers,
+        ];
+        assert_code(&sandbox.coordinator(&run), 0);
+        let table = |name: &str| {
+            let out = format!("{name}-{db}.csv");
+            let export = ["export", "--db", db, "--table", name, "--out", &out];
+            assert_code(&sandbox.coordinator(&export), 0);
+        };
+        ["samples", "designs", "optima"].map(table);
+    }
+    for name in ["samples", "designs", "optima"] {
+        let [one, three] = ["a.db", "b.db"].map(|db| csv(&sandbox, &format!("{name}-{db}.csv")));
+        assert_eq!(one, three, "{name}");
+    }
+    let samples = csv(&sandbox, "samples-a.db.csv");
+    let number = |text: &str| text.parse::<f64>().unwrap();
+    let of = |name: &str| -> Vec<f64> { column(&samples, name).map(number).collect() };
+    let [worn, new, light] =
+        ["worn", "new", "light"].map(|case| of(&format!("delta_ste_{case}_um")));
+    // New flanks do not scatter from sample to sample of a design.
+    assert!(
+        new.chunks(8)
+            .all(|design| design.iter().all(|value| *value == design[0]))
+    );
+    assert!(
+        worn.chunks(8)
+            .any(|design| design.iter().any(|value| *value != design[0]))
+    );
+    assert_ne!(worn, light);
+    let designs = csv(&sandbox, "designs-a.db.csv");
+    assert!(column(&designs, "tip_relief_p_um").any(|text| number(text) > 10.0));
 
-    // A third and a fourth thread change nothing.
-    let again = ["corrections", file, "--out", "b"];
-    let threads = [("RAYON_NUM_THREADS", "4")];
-    let (status, said) = sandbox.start_with("coordinator", &again, &threads).finish();
-    assert_eq!(status.code(), Some(0), "{said}");
-    assert_eq!(csv(&sandbox, "b/corrections.csv"), table);
+    let pair = [
+        "export",
+        "--db",
+        "a.db",
+        "--pair",
+        "best.toml",
+        "--approach",
+        "archard",
+    ];
+    assert_code(&sandbox.coordinator(&pair), 0);
+    let best = std::fs::read_to_string(sandbox.path("best.toml")).unwrap();
+    for key in [
+        "tip_relief_um",
+        "crowning_um",
+        "[[load.cases]]",
+        "delta_ste_max_um",
+    ] {
+        assert!(best.contains(key), "{key}: {best}");
+    }
+    assert_code(
+        &sandbox.coordinator(&["simulate", "--pair", "best.toml"]),
+        0,
+    );
+    let report = std::fs::read_to_string(sandbox.path("1/report.html")).unwrap();
+    assert!(
+        report.contains("delta_ste_new_um"),
+        "the limit of a case is shown"
+    );
 }
 
 #[test]
 fn a_signal_ends_a_study_that_leaves_nothing_behind() {
     let sandbox = Sandbox::new();
-    let section = "\n[corrections]\ncrowning_um = [0.0, 5.0]\n";
-    let text = small_campaign(60, 30)
-        .replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1)
-        .replacen("evaluations = 100 ", "evaluations = 4000 ", 1);
-    let file = sandbox.write("long.toml", &(text + section));
-    let study = ["corrections", file.to_str().unwrap(), "--out", "tables"];
+    let file = small(&sandbox, "small.toml");
+    assert_code(&sandbox.coordinator(&["run", &file, "--db", "small.db"]), 0);
+    let rows = ["--rows", "60000", "--out", "tables"];
+    let study = [&["sensitivity", &file, "--db", "small.db"], &rows[..]].concat();
     for signal in ["INT", "TERM"] {
         let log = [("PITCHLINE_LOG", "info")];
         let mut study = sandbox.start_with("coordinator", &study, &log);
-        // Without corrections it takes a moment, with crowning minutes.
-        study.wait_for_line("searched");
-        std::thread::sleep(Duration::from_millis(200));
+        std::thread::sleep(Duration::from_secs(3));
         let since = Instant::now();
         study.signal(signal);
         let (status, said) = study.finish();

@@ -93,11 +93,16 @@ impl Kind {
                 if is_even {
                     return vec![model(law(small_campaign(40, 6000), true), true)];
                 }
-                // Coupled cells take ten times as long for a sample.
-                let text = model(law(small_campaign(40, 1000), false), false);
+                // Coupled cells take ten times as long for a sample, and two torques twice that.
+                let text = model(law(small_campaign(40, 500), false), false);
                 let model = "tooth_model = \"hertz-beam\"";
-                let section = "\n[manufacture]\nflank_class = 7\nmisalignment_um = 10.0\n";
-                vec![change(&text, model, "tooth_model = \"coupled\"") + section]
+                let section = "\n[manufacture]\nflank_class = 7\nmisalignment_um = 10.0\n\
+                               tip_relief_tolerance_um = 3.0\n[corrections]\ntip_relief_um = [0.0, 20.0]\n\
+                               tip_relief_length_mm = 1.5\n";
+                let cases = "[[load.cases]]\n[[load.cases]]\nwear = 0.0\ndelta_ste_max_um = 8.0\n\
+                             [[load.cases]]\npinion_torque_nm = 50.0\n[material]";
+                let text = change(&text, model, "tooth_model = \"coupled\"");
+                vec![change(&text, "[material]", cases) + section]
             }
             Self::Precise => {
                 let precision = "precision = 0.005\nsamples_max = 8000\nskip_violation = 2.0\n\
@@ -112,7 +117,13 @@ impl Kind {
                 let section = "\n[enrichment]\ncriterion = \"expected-quantile-improvement\"\n\
                                samples = 600000\nrounds = 3\npoints_per_round = 4\n\
                                samples_per_point = 25000\ntolerance = 0.001\n";
-                vec![bounds(small_campaign(60, 1000) + section, is_even)]
+                let text = bounds(small_campaign(60, 1000) + section, is_even);
+                let cases = "[[load.cases]]\nweight = 2\n[[load.cases]]\nwear = 0.0\nweight = 1\n[material]";
+                vec![if is_even {
+                    text
+                } else {
+                    change(&text, "[material]", cases)
+                }]
             }
             Self::Grown => {
                 let grown = |designs, samples| {

@@ -205,9 +205,8 @@ fn of_centre_distance(sections: &GearSections) -> Option<String> {
 /// The ends of a variable's values; none if it is bound to another one.
 fn ends(setting: &Setting) -> Vec<f64> {
     match *setting {
-        Setting::Free(range) => range.to_vec(),
         Setting::Fixed(value) => vec![value],
-        Setting::Relation(_) => Vec::new(),
+        _ => setting.range().map_or_else(Vec::new, |ends| ends.to_vec()),
     }
 }
 
@@ -321,8 +320,8 @@ fn of_frozen(sections: &GearSections) -> Vec<String> {
         return warnings;
     };
     let settings = sections.bounds.settings();
-    if let (Some(helix), Setting::Free([low, high])) =
-        (frozen.helix_angle_deg, settings[HELIX_ANGLE])
+    if let (Some(helix), Some([low, high])) =
+        (frozen.helix_angle_deg, settings[HELIX_ANGLE].range())
         && !(low..=high).contains(&helix)
     {
         warnings.push(format!(
@@ -338,7 +337,7 @@ fn of_frozen(sections: &GearSections) -> Vec<String> {
     ] {
         let members = ["pinion", "mate"].into_iter().zip(settings);
         for ((member, setting), radius) in members.zip(radii.into_iter().flatten()) {
-            let Setting::Free([low, high]) = setting else {
+            let Some([low, high]) = setting.range() else {
                 continue;
             };
             let (low_mm, high_mm) = (low * modules[0], high * modules[1]);
@@ -373,13 +372,10 @@ fn modules(
     let pressure_angle = pair.pressure_angle_deg.to_radians();
     let module = |sum| gear::normal_module(pair.teeth(), size, pressure_angle, helix, sum);
     let shifts = settings[..2].iter().map(|setting| match setting {
-        Setting::Free(range) => *range,
         Setting::Fixed(shift) => [*shift; 2],
         // The mate's shift follows only if the module is given, and that case has returned above.
-        Setting::Relation(_) => match settings[0] {
-            Setting::Free(range) => range,
-            _ => [0.0; 2],
-        },
+        Setting::Relation(_) => settings[0].range().unwrap_or_default(),
+        free => free.range().unwrap_or_default(),
     });
     let [low, high] = shifts.fold([0.0; 2], |[low, high], range| {
         [low + range[0], high + range[1]]

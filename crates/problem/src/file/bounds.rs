@@ -33,10 +33,10 @@ pub struct Bounds {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(
     untagged,
-    expecting = "expected [low, high], a number, or { pinion = …, mate = … } with these or mate = \"tied\""
+    expecting = "expected [low, high], [low, high, step], a number, or { pinion = …, mate = … } with these or mate = \"tied\""
 )]
 #[schemars(
-    title = "[low, high], a number, or { pinion = …, mate = … } with these or mate = \"tied\" or \"follows\""
+    title = "[low, high], [low, high, step], a number, or { pinion = …, mate = … } with these or mate = \"tied\" or \"follows\""
 )]
 pub enum OfGears {
     /// The same for both gears, each of which has a value of its own.
@@ -57,11 +57,16 @@ pub struct Each {
 
 /// The values that a variable of one gear may take.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(untagged, expecting = "expected [low, high] or a number")]
-#[schemars(title = "[low, high] or a number")]
+#[serde(
+    untagged,
+    expecting = "expected [low, high], [low, high, step] or a number"
+)]
+#[schemars(title = "[low, high], [low, high, step] or a number")]
 pub enum Setting {
     /// Free within `[low, high]`.
     Free([f64; 2]),
+    /// Free in steps: the numbers `low`, `low + step`, … up to `high`, so that every design can be made.
+    Stepped([f64; 3]),
     /// Fixed to a number.
     Fixed(f64),
     /// Bound to another variable.
@@ -237,7 +242,32 @@ impl OfGears {
     }
 }
 
+/// One more than the most steps of a variable.
+const MOST_STEPS: f64 = 1000.0;
+
 impl Setting {
+    /// The ends of a free variable; `None` for a fixed or a bound one.
+    pub(crate) const fn range(&self) -> Option<[f64; 2]> {
+        match *self {
+            Self::Free(range) => Some(range),
+            Self::Stepped([low, high, _]) => Some([low, high]),
+            Self::Fixed(_) | Self::Relation(_) => None,
+        }
+    }
+
+    /// The possible values of a variable that is free in steps; empty for any other one.
+    pub(crate) fn values(&self) -> Vec<f64> {
+        let Self::Stepped([low, high, step]) = *self else {
+            return Vec::new();
+        };
+        // The last step is not lost to rounding, and 3 · 0.1 is 0.3.
+        let steps = ((high - low) / step + 1e-9) as usize;
+        let tidy = |value: f64| (value * 1e9).round() / 1e9;
+        (0..=steps)
+            .map(|count| tidy(low + count as f64 * step))
+            .collect()
+    }
+
     /// Requires a value that is valid for a variable other than the mate's.
     pub(super) fn validate(
         self,
@@ -248,6 +278,15 @@ impl Setting {
         let [low, high] = limits;
         match self {
             Self::Free(range) => source.ordered(key, range, low, high),
+            Self::Stepped([from, to, step]) => {
+                source.ordered(key, [from, to], low, high)?;
+                source.require(
+                    step > 0.0 && to - from >= step && (to - from) / step < MOST_STEPS,
+                    key,
+                    self,
+                    "[low, high, step] with a step above 0, of which there are 1 to 999 from low to high",
+                )
+            }
             Self::Fixed(value) => source.within(key, value, low, high, ""),
             Self::Relation(_) => Err(source.refuse(
                 key,
@@ -263,7 +302,7 @@ impl FrozenSection {
     /// Only free variables can be frozen.
     pub(super) fn validate(&self, source: Source<'_>, bounds: &Bounds) -> Result<(), FileError> {
         let settings = bounds.settings();
-        let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
+        let is_free = |setting: &Setting| setting.range().is_some();
         let expected = "absent where bounds leave nothing of it free";
         type Check<'a> = fn(Source<'a>, &str, f64) -> Result<(), FileError>;
         let radii: [(_, _, _, Check<'_>); 2] = [

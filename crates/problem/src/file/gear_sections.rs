@@ -158,7 +158,7 @@ impl GearSections {
         if let Some(corrections) = &self.corrections {
             corrections.validate(source, self.pair.tooth_model)?;
         }
-        let is_free = |setting: &Setting| matches!(setting, Setting::Free(_));
+        let is_free = |setting: &Setting| setting.range().is_some();
         if !self.settings().iter().any(is_free) {
             return Err(source.error(InvalidValue::in_words(
                 "bounds",

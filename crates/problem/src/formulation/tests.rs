@@ -225,7 +225,7 @@ fn what_bounds_cannot_be_is_refused_with_its_key() {
         (
             one,
             format!("{HOB}profile_shift = [0.5]"),
-            "profile_shift: expected [low, high], a number, or { pinion",
+            "profile_shift: expected [low, high], [low, high, step], a number, or { pinion",
         ),
         (
             one,
@@ -483,5 +483,35 @@ fn invalid_cases_are_refused_by_key() {
     ] {
         let error = with_cases(more).unwrap_err();
         assert!(error.contains(why), "{more:?}: {error}");
+    }
+}
+
+#[test]
+fn a_variable_that_is_free_in_steps_takes_only_values_that_can_be_made() {
+    let problem = corrected(
+        "tip_relief_um = { pinion = [0.0, 20.0, 1.0], mate = \"tied\" }\n\
+         tip_relief_length_mm = [0.5, 2.5, 0.1]",
+    );
+    let values = &problem.coordinates()[6].values;
+    assert_eq!((values.len(), values[3]), (21, 3.0));
+    let values = &problem.coordinates()[7].values;
+    assert_eq!((values.len(), values[7], values[20]), (21, 1.2, 2.5));
+    for place in [0.0, 0.123, 0.77, 1.0] {
+        let unit = [&[0.3; 6][..], &[place; 3]].concat();
+        let design = problem.design(&problem.free_point(&unit), problem.base());
+        let corrections = problem.gears().unwrap().corrections(&design);
+        let Some(relief) = corrections.tip_relief[0] else {
+            assert_eq!(place, 0.0);
+            continue;
+        };
+        let um = 1e3 * relief.amount;
+        assert!((um - um.round()).abs() < 1e-9, "{um}");
+        assert!((10.0 * relief.length - (10.0 * relief.length).round()).abs() < 1e-9);
+    }
+    for bad in ["[0.0, 20.0, 0.0]", "[0.0, 20.0, 30.0]", "[0.0, 20.0, 0.01]"] {
+        let section = format!("tip_relief_um = {bad}\ntip_relief_length_mm = 1.0");
+        let text = format!("{}\n[corrections]\n{section}", Campaign::WEAR);
+        let error = Campaign::parse("c.toml", &text).unwrap_err().to_string();
+        assert!(error.contains("corrections.tip_relief_um"), "{error}");
     }
 }

@@ -58,7 +58,7 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
             Setting::Fixed(value) => Source::Fixed(value),
             Setting::Relation(Relation::Tied) => Source::Tied,
             Setting::Relation(Relation::Follows) => Source::Follows,
-            Setting::Free(range) => {
+            Setting::Free([low, high]) | Setting::Stepped([low, high, _]) => {
                 let name = if in_modules {
                     RADII_IN_MODULES[place - TIP_RADII.start]
                 } else {
@@ -67,8 +67,8 @@ fn space(sections: &GearSections, frozen: &[Option<f64>; ALL_VARIABLES]) -> Spac
                 coordinates.push(Coordinate {
                     name: name.into(),
                     unit: "".into(),
-                    range,
-                    values: Vec::new(),
+                    range: [low, high],
+                    values: setting.values(),
                 });
                 let number = coordinates.len() - 1;
                 if in_modules {
