@@ -129,6 +129,34 @@ fn teeth_for_which_nothing_is_feasible_are_said_so() {
 }
 
 #[test]
+fn a_sweep_into_the_folder_of_another_loses_nothing() {
+    let sandbox = Sandbox::new();
+    let sweep = |file: &str, teeth: &str| {
+        sandbox.coordinator(&["sweep", file, "--teeth", teeth, "--out", "sweep"])
+    };
+    let file = small(&sandbox, "small.toml");
+    for teeth in ["21", "20"] {
+        assert_code(&sweep(&file, teeth), 0);
+    }
+    let both = csv(&sandbox, "sweep/sweep.csv");
+    let teeth: Vec<&str> = column(&both, "teeth_p").collect();
+    assert!(
+        teeth.starts_with(&["20"]) && teeth.ends_with(&["21"]),
+        "{teeth:?}"
+    );
+    let other = small_campaign(60, 30).replacen("name = \"quick\"", "name = \"other\"", 1);
+    let changed = small_campaign(60, 30).replacen("seed = 2009", "seed = 7", 1);
+    for text in [other, changed] {
+        let file = sandbox.write("other.toml", &text);
+        let output = sweep(file.to_str().unwrap(), "22");
+        assert_code(&output, 2);
+        let said = errors(&output);
+        assert!(said.contains("has the sweep of another campaign"), "{said}");
+        assert_eq!(csv(&sandbox, "sweep/sweep.csv"), both);
+    }
+}
+
+#[test]
 fn bad_ranges_of_teeth_are_refused() {
     let sandbox = Sandbox::new();
     let file = small(&sandbox, "small.toml");

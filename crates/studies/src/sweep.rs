@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use problem::formulation::Problem;
 use problem::{Approach, Campaign, FileError};
 use results::number::{MISSING, fixed};
@@ -104,21 +105,77 @@ pub fn members(
         .collect()
 }
 
+/// The finished campaigns of the folder `out` with other numbers of teeth, which belong into the same tables.
+///
+/// # Errors
+///
+/// The folder has the sweep of another campaign, or cannot be read.
+pub async fn earlier(
+    file: &str,
+    campaign: &Campaign,
+    teeth: &Teeth,
+    out: &Path,
+) -> anyhow::Result<Vec<Member>> {
+    let mut earlier = Vec::new();
+    let Ok(entries) = std::fs::read_dir(out) else {
+        return Ok(earlier);
+    };
+    let mut names: Vec<PathBuf> = Vec::new();
+    for entry in entries {
+        names.push(entry?.path());
+    }
+    names.sort();
+    for path in names
+        .iter()
+        .filter(|path| path.extension() == Some("db".as_ref()))
+    {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let number = stem.strip_prefix(&format!("{}-z", campaign.name));
+        let found = number.and_then(|number| number.parse::<u32>().ok());
+        if found.is_some_and(|found| teeth.0.contains(&found)) {
+            continue;
+        }
+        let other = || {
+            anyhow::anyhow!(
+                "{} has the sweep of another campaign, whose tables would be replaced: choose another folder with --out",
+                out.display()
+            )
+        };
+        let only = found.with_context(other)?.to_string().parse::<Teeth>();
+        let only = only.map_err(anyhow::Error::msg)?;
+        let member = members(file, campaign, &only, out)?.remove(0);
+        let status = status_of(&member).await?.with_context(other)?;
+        if status.campaign_digest != member.campaign.digest() {
+            return Err(other());
+        }
+        if status.finished {
+            earlier.push(member);
+        }
+    }
+    Ok(earlier)
+}
+
 /// Whether a campaign is finished; `false` without a store.
 ///
 /// # Errors
 ///
 /// The store cannot be read.
 pub async fn is_finished(member: &Member) -> anyhow::Result<bool> {
+    let status = status_of(member).await?;
+    let digest = member.campaign.digest();
+    Ok(status.is_some_and(|status| status.finished && status.campaign_digest == digest))
+}
+
+/// The status of a campaign; `None` without a store.
+async fn status_of(member: &Member) -> anyhow::Result<Option<status::Status>> {
     let store = match Store::open_read_only(&member.db).await {
         Ok(store) => store,
-        Err(store::Error::NoStore { .. }) => return Ok(false),
+        Err(store::Error::NoStore { .. }) => return Ok(None),
         Err(error) => return Err(error.into()),
     };
     let status = status::read(&store).await;
     store.close().await?;
-    let status = status?;
-    Ok(status.finished && status.campaign_digest == member.campaign.digest())
+    Ok(Some(status?))
 }
 
 /// The outcome of one approach for one number of teeth.

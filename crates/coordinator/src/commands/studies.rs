@@ -35,6 +35,8 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
     let out = folder(arguments.out, &campaign, "sweep");
     let file = arguments.campaign.display().to_string();
     let members = sweep::members(&file, &campaign, &arguments.teeth, &out)?;
+    let earlier = sweep::earlier(&file, &campaign, &arguments.teeth, &out).await;
+    let mut all = earlier.map_err(usage)?;
     std::fs::create_dir_all(&out)
         .map_err(|source| super::FileAccess::new("make the folder", &out, source))?;
     let shutdown = CancellationToken::new();
@@ -74,8 +76,10 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
             }
         }
     }
+    all.extend(members);
+    all.sort_by_key(|member| member.teeth);
     let mut rows = Vec::new();
-    for member in &members {
+    for member in &all {
         rows.extend(sweep::outcomes(member).await?);
     }
     let document = sweep::write_tables(&out, &campaign, &rows)?;

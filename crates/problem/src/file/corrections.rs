@@ -162,9 +162,9 @@ impl PairCorrections {
         let of = |value: fn(gear::TipRelief) -> f64| {
             given.map(|_| relief.map(|relief| relief.map_or(0.0, value)))
         };
-        let um = |mm: f64| Some(1e3 * mm).filter(|um| *um != 0.0);
+        let um = |mm: f64| Some(micrometres(mm)).filter(|um| *um != 0.0);
         Some(Self {
-            tip_relief_um: of(|relief| 1e3 * relief.amount),
+            tip_relief_um: of(|relief| micrometres(relief.amount)),
             tip_relief_length_mm: of(|relief| relief.length),
             tip_relief_shape: given.map(|relief| relief.shape),
             crowning_um: um(corrections.crowning),
@@ -198,6 +198,11 @@ impl PairCorrections {
             }
         })
     }
+}
+
+/// A length in µm, without the last digits that the conversion to mm and back leaves.
+fn micrometres(mm: f64) -> f64 {
+    (1e12 * mm).round() / 1e9
 }
 
 /// Largest amount of a correction, in µm.

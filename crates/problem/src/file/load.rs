@@ -90,7 +90,8 @@ impl Load {
     }
 
     /// The weights of the cases, whose sum is 1; `None` if the greatest ΔSTE counts.
-    pub(crate) fn weights(&self) -> Option<Vec<f64>> {
+    #[must_use]
+    pub fn weights(&self) -> Option<Vec<f64>> {
         let weights: Option<Vec<f64>> = self.cases.iter().map(|case| case.weight).collect();
         let weights = weights.filter(|weights| !weights.is_empty())?;
         let sum: f64 = weights.iter().sum();

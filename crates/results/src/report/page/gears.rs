@@ -4,6 +4,7 @@ use askama::Template;
 
 use super::approaches::{ApproachRow, approaches};
 use super::campaign::CampaignView;
+use super::cases::CasesView;
 use super::cells::{Show as _, ShowCount as _, ShowPercentile as _};
 use super::distribution::DistributionView;
 use super::enrichment::EnrichmentView;
@@ -74,6 +75,7 @@ struct Body<'a> {
     kriging: Option<KrigingView<'a>>,
     approaches: Vec<ApproachRow<'a>>,
     convergence: Vec<Figure>,
+    cases: Option<CasesView>,
     distribution: Option<DistributionView>,
     enrichment: Option<EnrichmentView>,
     optima: Vec<OptimumView>,
@@ -157,6 +159,7 @@ impl<'a> Body<'a> {
                     figure(&format!("convergence-{}", i + 1), chart)
                 })
                 .collect::<Result<_, _>>()?,
+            cases: CasesView::new(snapshot),
             distribution: DistributionView::new(snapshot)?,
             enrichment: EnrichmentView::new(report)?,
             optima: optima(report, gears)?,

@@ -3,6 +3,7 @@
 mod approaches;
 mod atlas;
 mod campaign;
+mod cases;
 mod cells;
 mod distribution;
 mod enrichment;
