@@ -157,6 +157,41 @@ fn a_sweep_into_the_folder_of_another_loses_nothing() {
 }
 
 #[test]
+fn sizes_are_ranked_and_written_as_pair_files() {
+    let sandbox = Sandbox::new();
+    let file = small(&sandbox, "small.toml");
+    let sizing = ["sizing", &file, "--teeth", "20..=21", "--out", "sizes"];
+    let narrow = [&sizing[..], &["--ratio-tolerance", "0"]].concat();
+    let output = sandbox.coordinator(&[&narrow[..2], &["--teeth", "21"], &narrow[4..]].concat());
+    assert_code(&output, 2);
+    assert!(
+        errors(&output).contains("--ratio-tolerance"),
+        "{}",
+        errors(&output)
+    );
+    let output =
+        sandbox.coordinator(&[&sizing[..], &["--ratio-tolerance", "0.06", "--top", "1"]].concat());
+    assert_code(&output, 0);
+    let table = csv(&sandbox, "sizes/sizing.csv");
+    assert_eq!(column(&table, "teeth_r").count(), 6);
+    let pair = [
+        "simulate",
+        "--pair",
+        "sizes/pair-1.toml",
+        "--wear",
+        "archard",
+    ];
+    let output = sandbox.coordinator(&pair);
+    assert_code(&output, 0);
+    assert!(
+        printed(&output).contains("\nfeasible"),
+        "{}",
+        printed(&output)
+    );
+    assert!(!sandbox.path("sizes/pair-2.toml").exists());
+}
+
+#[test]
 fn bad_ranges_of_teeth_are_refused() {
     let sandbox = Sandbox::new();
     let file = small(&sandbox, "small.toml");

@@ -19,7 +19,7 @@ mod modelling;
 mod studies;
 pub(crate) use self::modelling::{Fit, Predict};
 pub(crate) use self::studies::{
-    FinishedCampaign, Pareto, Sensitivity, SimulateCluster, SleepProgram, Stability, Sweep,
+    FinishedCampaign, Pareto, Sensitivity, SimulateCluster, Sizing, SleepProgram, Stability, Sweep,
     Tradeoff,
 };
 
@@ -63,6 +63,8 @@ pub(crate) enum Command {
     Discard(Discard),
     /// Run a campaign for each of several numbers of teeth, and compare
     Sweep(Sweep),
+    /// Design with other numbers of teeth and modules, and rank them
+    Sizing(Sizing),
     /// Measure how the wear's parameters and tolerances affect the recommended design
     Sensitivity(Sensitivity),
     /// Show the trade-off between the percentile and the contact pressure or the root stress

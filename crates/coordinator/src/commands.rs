@@ -70,6 +70,7 @@ pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
         Command::Retry(arguments) => steering::retry(&arguments).await,
         Command::Discard(arguments) => discarding::discard(arguments).await,
         Command::Sweep(arguments) => studies::sweep(arguments).await,
+        Command::Sizing(arguments) => studies::sizing(arguments).await,
         Command::Sensitivity(arguments) => studies::sensitivity(arguments).await,
         Command::Pareto(arguments) => studies::pareto(arguments).await,
         Command::Tradeoff(arguments) => tradeoff::tradeoff(arguments).await,

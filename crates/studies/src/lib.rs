@@ -1,6 +1,7 @@
 //! Studies: computations on several campaigns, on a finished one, or without one.
 //!
 //! - [`sweep`] compares campaigns with other numbers of teeth.
+//! - [`sizing`] ranks numbers of teeth and modules, each at its own optimum.
 //! - [`sensitivity`] splits the variance of an optimum's percentile among tolerances.
 //! - [`pareto`] weighs the percentile against a second objective.
 //! - [`simulate`] computes one pair of gears, and [`um_bridge`] offers a campaign's gears to other programs.
@@ -20,6 +21,7 @@ pub mod refusal;
 pub mod samples;
 pub mod sensitivity;
 pub mod simulate;
+pub mod sizing;
 pub mod sweep;
 pub mod table;
 pub mod um_bridge;

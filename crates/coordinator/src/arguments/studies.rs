@@ -40,6 +40,32 @@ pub(crate) struct Sweep {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct Sizing {
+    /// The campaign file, whose gear ratio, bounds and limits hold for all sizes
+    #[arg(value_name = "CAMPAIGN.toml")]
+    pub(crate) campaign: PathBuf,
+    /// Numbers of teeth of the pinion: 17..30 is 17 to 29, 17..=30 is 17 to 30
+    #[arg(long, value_name = "RANGE")]
+    pub(crate) teeth: Teeth,
+    /// Largest deviation of the gear ratio from the campaign's, as a share of it
+    #[arg(long, value_name = "SHARE", default_value_t = 0.02, value_parser = share)]
+    pub(crate) ratio_tolerance: f64,
+    /// Normal modules in mm, such as 2.5,2.75,3 [default: the campaign's]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = module)]
+    pub(crate) modules: Vec<f64>,
+    /// Number of sizes that get verification samples and a pair file
+    #[arg(long, value_name = "N", default_value_t = 5,
+        value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub(crate) top: u16,
+    /// The folder of the tables and pair files; one that is not empty is refused [default: NAME-sizing]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print the tables as one JSON object instead of the page
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// A campaign and its finished store.
 #[derive(Debug, Args)]
 pub(crate) struct FinishedCampaign {
@@ -197,6 +223,13 @@ fn share(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
         _ => Err("it must be a number from 0 to below 1".to_owned()),
+    }
+}
+
+fn module(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(module) if module > 0.0 && module <= 1000.0 => Ok(module),
+        _ => Err("it must be a module from above 0 to 1000 mm".to_owned()),
     }
 }
 

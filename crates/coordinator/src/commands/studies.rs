@@ -12,7 +12,7 @@ use runner::exit::{self, ProgramError};
 use store::Store;
 use studies::refusal::{require_built_in, require_gears};
 use studies::table::Document;
-use studies::{finished, pareto, sensitivity, sweep};
+use studies::{finished, pareto, sensitivity, sizing, sweep};
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
@@ -89,6 +89,27 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
     } else {
         exit::OK
     })
+}
+
+/// `coordinator sizing`: other teeth and modules, each at its own optimum, ranked.
+pub(super) async fn sizing(arguments: arguments::Sizing) -> Result<u8, ProgramError> {
+    let campaign = parse(&arguments.campaign)?;
+    require_built_in(&campaign).map_err(usage)?;
+    let range = sizing::Range {
+        teeth: arguments.teeth,
+        ratio_tolerance: arguments.ratio_tolerance,
+        modules_mm: arguments.modules,
+    };
+    let file = arguments.campaign.display().to_string();
+    let sizes = range.sizes(&file, &campaign).map_err(usage)?;
+    let out = new_folder(arguments.out, &campaign, "sizing")?;
+    let doing = format!("searching {} sizes of {}", sizes.len(), campaign.name);
+    let top = usize::from(arguments.top);
+    let Some(found) = interruptible(doing, move || sizing::run(sizes, top)).await? else {
+        return Ok(exit::INTERRUPTED);
+    };
+    let document = sizing::write_tables(&out, &campaign, &found?)?;
+    finish(&document, &out, arguments.json)
 }
 
 /// `coordinator sensitivity`: the effect of wear parameters and tolerances on the recommended

@@ -1,6 +1,6 @@
 //! Campaigns derived from another one.
 
-use super::{Campaign, FileError};
+use super::{Campaign, FileError, Pair};
 
 impl Campaign {
     /// The same campaign with another number of pinion teeth, and the text of its file, which
@@ -18,15 +18,49 @@ impl Campaign {
     ///
     /// Never: a campaign is plain numbers and names, which TOML can hold.
     pub fn with_pinion_teeth(&self, file: &str, teeth: u32) -> Result<(Self, String), FileError> {
+        let what = format!("{file} with {teeth} pinion teeth");
+        self.with_pair(&what, &format!("z{teeth}"), |pair| {
+            pair.pinion_teeth = teeth;
+        })
+    }
+
+    /// The same campaign with other teeth of both gears, and with another module if one is given.
+    ///
+    /// # Errors
+    ///
+    /// As [`with_pinion_teeth`](Self::with_pinion_teeth).
+    pub fn with_size(
+        &self,
+        file: &str,
+        teeth: [u32; 2],
+        normal_module_mm: Option<f64>,
+    ) -> Result<Self, FileError> {
+        let [pinion, mate] = teeth;
+        let what = format!("{file} with {pinion} and {mate} teeth");
+        let changed = self.with_pair(&what, &format!("z{pinion}-{mate}"), |pair| {
+            pair.pinion_teeth = pinion;
+            (pair.gear_ratio, pair.gear_teeth) = (None, Some(mate));
+            pair.normal_module_mm = normal_module_mm.or(pair.normal_module_mm);
+        });
+        Ok(changed?.0)
+    }
+
+    /// The same campaign with a changed pair, and the text of its file. `suffix` is appended to the name, and `what`
+    /// names the campaign in errors.
+    fn with_pair(
+        &self,
+        what: &str,
+        suffix: &str,
+        change: impl FnOnce(&mut Pair),
+    ) -> Result<(Self, String), FileError> {
         let mut other = self.clone();
-        other.name = format!("{}-z{teeth}", self.name);
+        other.name = format!("{}-{suffix}", self.name);
         if let Some(sections) = other.gears_mut() {
-            sections.pair.pinion_teeth = teeth;
+            change(&mut sections.pair);
             sections.report.compare_with_paper = false;
         }
         let text = toml::to_string(&other).expect("plain numbers and names serialise");
-        let parsed = Self::parse(&format!("{file} with {teeth} pinion teeth"), &text)?;
-        Ok((parsed, text))
+        Ok((Self::parse(what, &text)?, text))
     }
 }
 
