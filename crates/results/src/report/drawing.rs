@@ -6,6 +6,7 @@ use gear::Member;
 use problem::Approach;
 use stages::optima::Optimum;
 
+use super::torque::{RandomFlanks, over_torque};
 use crate::converged::difference_um;
 use crate::snapshot::Snapshot;
 
@@ -26,6 +27,8 @@ pub struct Illustration {
     pub ste: SteCurves,
     /// Contact pressure over the flank.
     pub contact: Option<ContactPattern>,
+    /// ΔSTE over the torque.
+    pub torque: Option<TorqueCurves>,
 }
 
 /// Two gears in mesh, positioned in one transverse plane; all lengths in mm, y upwards.
@@ -119,6 +122,11 @@ pub(super) fn illustrations(snapshot: &Snapshot) -> BTreeMap<Approach, Illustrat
     let Some(gears) = problem.gears().filter(|_| built_in) else {
         return BTreeMap::new();
     };
+    let random = RandomFlanks {
+        scatter: gears.scatter(),
+        seed: problem.campaign().seed,
+        samples: u32::MAX,
+    };
     let illustration = |optimum: &Optimum| {
         let found = optimum.found.as_ref().ok()?;
         let pair = gears.pair(&found.design).ok()?;
@@ -127,6 +135,7 @@ pub(super) fn illustrations(snapshot: &Snapshot) -> BTreeMap<Approach, Illustrat
             drawing: drawing(&pair),
             ste: ste(&pair, gears.wear()),
             contact: Some(contact(&pair, Some(gears.wear()))),
+            torque: Some(over_torque(&pair, Some(gears.wear()), Some(random))),
         };
         Some((optimum.approach, illustration))
     };

@@ -34,6 +34,7 @@ mod runs;
 mod summary;
 mod svg;
 mod symbols;
+mod torque;
 mod wear;
 mod write;
 
@@ -58,5 +59,6 @@ pub use quantity::{NamedValue, approach_name, variable_name, variables};
 pub use runs::OptimiserRun;
 pub use svg::{Axis, Chart, Mark, Picture, Scale, Series};
 pub use symbols::symbol;
+pub use torque::{RandomFlanks, over_torque};
 pub use wear::WearProfiles;
 pub use write::{FILE, write, write_file};

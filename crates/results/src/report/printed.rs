@@ -187,6 +187,7 @@ fn illustration(snapshot: &Snapshot, figure: u8) -> Option<Illustration> {
     let gears = snapshot.problem.gears()?;
     let pair = gears.pair(&design(Place::Figure(figure))).ok()?;
     Some(Illustration {
+        torque: None,
         converged_difference_um: None,
         drawing: drawing::drawing(&pair),
         ste: drawing::ste(&pair, gears.wear()),

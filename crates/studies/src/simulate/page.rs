@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use gear::{Discretisation, Member, Pair};
+use gear::{Member, Pair};
 use problem::PairFile;
 use results::report::{
-    self, PairPage, PressureCurves, SteCurves, TorqueCurves, WearProfiles, charts,
+    self, PairPage, PressureCurves, RandomFlanks, SteCurves, TorqueCurves, WearProfiles, charts,
 };
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
@@ -13,13 +13,7 @@ use stats::streams::{Purpose, stream};
 use super::{Figures, Request, Simulation, WearChoice, text};
 
 /// Number of random wear profiles on the page.
-const WEAR_PROFILES: usize = 10;
-/// Most randomly worn pairs behind the band of ΔSTE over the torque.
-const BAND_SAMPLES: u64 = 60;
-/// Torques at which ΔSTE is computed, in per cent of the pair's.
-const TORQUES: [f64; 12] = [
-    10.0, 25.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 115.0, 130.0, 150.0,
-];
+const WEAR_PROFILES: u64 = 10;
 
 /// The subject of a page: a pair and its simulation.
 #[derive(Debug, Clone, Copy)]
@@ -99,27 +93,28 @@ impl Curves {
         let mut ste = report::ste(pair, &wear);
         let (mut worn_mpa, mut random_um) = (Vec::new(), Vec::new());
         let mut depth_um = [Vec::new(), Vec::new()];
-        let (mut mean_gap, mut random_gaps) = (None, Vec::new());
+        let is_worn = subject.request.wear != WearChoice::None;
+        let mut random = None;
         if subject.request.wear == WearChoice::None {
             ste.worn_um.clear();
         } else {
             let worn = pair.archard(&wear);
             depth_um = [0, 1].map(|i| micrometres(&worn.depth[i]));
-            mean_gap = Some(gap(&worn.depth));
             worn_mpa = worn.pressure;
         }
         if subject.request.wear == WearChoice::Random {
             let mut sampler = subject.file.sampler(pair);
             let seed = subject.request.seed;
-            let profiles: Vec<_> = (0..BAND_SAMPLES.min(u64::from(subject.request.samples)))
+            let samples = u64::from(subject.request.samples);
+            random_um = (0..samples.min(WEAR_PROFILES))
                 .map(|index| sampler.draw_profile(&mut stream(seed, Purpose::Wear, 0, index)))
-                .collect();
-            random_gaps = profiles.iter().map(|profile| gap(&profile.depth)).collect();
-            random_um = profiles
-                .iter()
-                .take(WEAR_PROFILES)
                 .map(|profile| micrometres(&profile.depth[0]))
                 .collect();
+            random = Some(RandomFlanks {
+                scatter: subject.file.scatter(),
+                seed,
+                samples: subject.request.samples,
+            });
         }
         let place = pair.path().to_vec();
         let roll = Member::BOTH.map(|member| {
@@ -128,7 +123,7 @@ impl Curves {
         });
         Self {
             ste,
-            torque: over_torque(pair, mean_gap.as_deref(), &random_gaps),
+            torque: report::over_torque(pair, is_worn.then_some(&wear), random),
             place,
             pitch: geometry.s_pitch,
             pressure: [pair.pressure().to_vec(), worn_mpa],
@@ -205,69 +200,6 @@ impl Curves {
         );
         columns(&all)
     }
-}
-
-/// The gap that wear of these depths leaves between the flanks.
-fn gap(depth: &[Vec<f64>; 2]) -> Vec<f64> {
-    let [pinion, mate] = depth;
-    pinion.iter().zip(mate).map(|(a, b)| a + b).collect()
-}
-
-/// The value at `s`, linear between the places around it and constant beyond them.
-fn at(places: &[f64], values: &[f64], s: f64) -> f64 {
-    let after = places.partition_point(|place| *place <= s);
-    if after == 0 || after == places.len() {
-        return values[after.min(places.len() - 1)];
-    }
-    let (before, share) = (
-        after - 1,
-        (s - places[after - 1]) / (places[after] - places[after - 1]),
-    );
-    values[before] + share * (values[after] - values[before])
-}
-
-/// ΔSTE at torques up to one and a half times that of the pair, whose flanks are worn by the mean gap, and at random by
-/// the others. The flanks do not deviate otherwise. A torque at which the contact cannot be solved has no value.
-fn over_torque(pair: &Pair, mean_gap: Option<&[f64]>, random_gaps: &[Vec<f64>]) -> TorqueCurves {
-    let design_nm = pair.input().pinion_torque * 1e-3;
-    let mut curves = TorqueCurves {
-        torque_nm: TORQUES.map(|percent| percent * design_nm / 100.0).to_vec(),
-        design_nm,
-        unworn_um: Vec::new(),
-        worn_um: Vec::new(),
-        band_um: [Vec::new(), Vec::new()],
-    };
-    for &torque_nm in &curves.torque_nm {
-        let input = gear::PairInput {
-            pinion_torque: torque_nm * 1e3,
-            ..pair.input().clone()
-        };
-        let grid = Discretisation::of(input.tooth_model);
-        let loaded = Pair::with_corrections(&input, pair.corrections(), &grid).ok();
-        let with = |gap: &[f64]| {
-            let Some(loaded) = &loaded else {
-                return f64::NAN;
-            };
-            // The places of the path depend on the torque: tips touch beyond its ends.
-            let gap: Vec<f64> = loaded
-                .path()
-                .iter()
-                .map(|&s| at(pair.path(), gap, s))
-                .collect();
-            loaded.with_gap(&gap).delta_ste_um
-        };
-        let unworn = loaded.as_ref().map(|loaded| loaded.unworn().delta_ste_um);
-        curves.unworn_um.push(unworn.unwrap_or(f64::NAN));
-        curves.worn_um.extend(mean_gap.map(with));
-        let random: Vec<f64> = random_gaps.iter().map(|gap| with(gap)).collect();
-        if !random.is_empty() {
-            for (band, level) in curves.band_um.iter_mut().zip([0.1, 0.9]) {
-                let quantile = stats::order_statistic(&random, level, 0.95);
-                band.push(quantile.map_or(f64::NAN, |quantile| quantile.value));
-            }
-        }
-    }
-    curves
 }
 
 /// A table of these columns; an empty one is left out.

@@ -75,7 +75,8 @@ impl OptimumView {
             figures,
             caption: "The gears near the contact, to scale, and in axonometric view; the static transmission \
                       error over one mesh period, each curve about its own mean, and its spectrum; the pressure \
-                      with which each place of the flank carries load."
+                      with which each place of the flank carries load; and ΔSTE over the torque, with flanks \
+                      worn under the torque of the ring."
                 .to_owned(),
         })
     }
@@ -116,12 +117,14 @@ fn named(name: &str, variables: &[f64; 11]) -> String {
 
 fn figures(anchor: &str, design: &str, shown: &Illustration) -> Result<Vec<Figure>, Error> {
     let contact = shown.contact.as_ref();
-    let all: [(&str, Option<Result<Picture, Error>>); 5] = [
+    let torque = shown.torque.as_ref();
+    let all: [(&str, Option<Result<Picture, Error>>); 6] = [
         ("gears", Some(charts::gears(&shown.drawing))),
         ("axonometric", Some(charts::solid(&shown.drawing))),
         ("ste", Some(charts::ste(&shown.ste))),
         ("spectrum", Some(charts::spectrum(&shown.ste))),
         ("contact", contact.map(charts::contact)),
+        ("torque", torque.map(charts::torque)),
     ];
     let figures = all.into_iter().filter_map(|(name, picture)| {
         let picture = picture?.map(|picture| picture.of(design));

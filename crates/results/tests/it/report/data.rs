@@ -385,6 +385,7 @@ fn illustrations() -> BTreeMap<Approach, Illustration> {
             drawing: gears(&design.variables),
             ste: ste(i),
             contact: Some(contact()),
+            torque: None,
         };
         (row.approach, illustration)
     })
@@ -491,6 +492,7 @@ fn printed() -> Vec<PrintedDesign> {
                     drawing: gears(&printed.variables),
                     ste: ste(i),
                     contact: None,
+                    torque: None,
                 }),
             }
         })
