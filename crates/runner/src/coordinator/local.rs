@@ -8,6 +8,11 @@ use crate::worker::{Exec, Options, Summary, Worker};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
+/// The time that jobs of the built-in model get when the user stops the process. They are computed again in little more.
+const BUILT_IN_GRACE: Duration = Duration::from_millis(1500);
+/// The time that a program gets, whose job may be dear.
+const EXTERNAL_GRACE: Duration = Duration::from_secs(10);
+
 /// Workers of the coordinator's own process.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LocalWorkers {
@@ -37,7 +42,10 @@ impl LocalWorkers {
                 give_up_after: Duration::from_secs(30),
                 undelivered: None,
                 journal,
-                grace: Duration::from_secs(10),
+                grace: match self.exec {
+                    Some(_) => EXTERNAL_GRACE,
+                    None => BUILT_IN_GRACE,
+                },
                 max_runtime: None,
                 idle_exit: None,
             };
