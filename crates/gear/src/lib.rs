@@ -7,8 +7,8 @@
 //! worn versions, with perfect flanks ([`Pair::sampler`]) or with the scatter of manufacture
 //! ([`Pair::sampler_with`]). What needs no contact has an [`UnloadedPair`] for a fraction of the time.
 //! [`Pair::with_corrections`] adds tip relief and crowning,
-//! [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal figures for
-//! comparison.
+//! [`Pair::converged`] is the reference solution, [`rating`] holds ISO 6336's nominal figures for
+//! comparison, and [`inspection`] the dimensions of the data sheet.
 //!
 //! # Method
 //! With `coupled`, the model to design with, contact lines are divided into cells that feel each other;
@@ -121,6 +121,7 @@ mod error;
 mod field;
 mod geometry;
 mod input;
+pub mod inspection;
 mod involute;
 mod manufacture;
 mod mesh;

@@ -1,7 +1,7 @@
 //! `coordinator simulate`: all results of the simulator for one pair.
 
 use clap::ValueEnum;
-use gear::{Discretisation, Geometry, Pair, Sliding, rating};
+use gear::{Discretisation, Geometry, Pair, Sliding, inspection, rating};
 use problem::PairFile;
 use problem::formulation::Constraint;
 use problem::formulation::gears::{self, GearCriteria};
@@ -308,7 +308,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             max,
         },
         clearance_mm: interference.clearance,
-        tip_land_mm: rating::tip_land(geometry),
+        tip_land_mm: inspection::tip_land(geometry),
         flank_margin_mm: interference.flank_margin,
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
