@@ -166,7 +166,7 @@ pub use input::{
     TipRule, ToothModel, Wear, WearLaw,
 };
 pub use manufacture::{FlankClass, Scatter, TOLERANCE_IN_SD};
-pub use outline::{Placement, gear_outline, mesh_placement};
+pub use outline::{Placement, ProfilePoint, gear_outline, mesh_placement, tooth_profile};
 pub use pair::Pair;
 pub use plain::PlainSum;
 pub use root_stress::RootStress;
