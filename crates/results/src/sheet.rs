@@ -145,7 +145,8 @@ pub fn sections(file: &PairFile, pair: &UnloadedPair) -> Vec<Section> {
 }
 
 /// The data sheet of a design of a gear campaign; empty for an external simulator or a design without a pair.
-pub(crate) fn of_design(problem: &Problem, design: &Design) -> Vec<Section> {
+#[must_use]
+pub fn of_design(problem: &Problem, design: &Design) -> Vec<Section> {
     let campaign = problem.campaign();
     let gears = problem.gears().filter(|_| !campaign.is_external());
     let (Some(gears), Some(settings)) = (gears, campaign.gears()) else {
@@ -376,7 +377,7 @@ fn inspection(pair: &UnloadedPair, sheet: &Sheet) -> Section {
     };
     let land = |land: f64| land / pair.geometry().normal_module;
     Section {
-        title: "Thickness and its measurement, without allowances",
+        title: "Tooth thickness and its measurement",
         rows: vec![
             Row::each(
                 "normal_tooth_thickness_mm",
@@ -436,7 +437,7 @@ fn modifications(pair: &UnloadedPair, sheet: &Sheet) -> Section {
         rows.extend([
             Row::each(
                 "tip_relief_um",
-                ["tip relief at d_Na", "C_αa", "µm"],
+                ["tip relief at the active tip", "C_αa", "µm"],
                 of(|relief| 1e3 * relief.amount),
                 2,
             ),
@@ -593,7 +594,7 @@ pub fn describe(sections: &[Section]) -> String {
                 .map(|value| format!(" {value:>12}"))
                 .collect();
             let line = format!(
-                "  {:<38}{:<7}{values:<26} {}",
+                "  {:<40}{:<7}{values:<26} {}",
                 row.quantity, row.symbol, row.unit
             );
             let _ = writeln!(text, "{}", line.trim_end());

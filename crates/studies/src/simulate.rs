@@ -279,7 +279,7 @@ fn figures(
 ) -> anyhow::Result<Figures> {
     let mut sections = sheet::sections(file, pair);
     let analysis = worn.as_ref().unwrap_or(&unworn);
-    sections.push(sheet::transmission_error(pair, analysis));
+    sections.push(sheet::transmission_error(pair, analysis, worn.is_some()));
     sections.push(sheet::stiffness(pair, &file.strength, &unworn));
     let analysis = worn.unwrap_or(unworn);
     let samples = (request.wear == WearChoice::Random).then(|| {

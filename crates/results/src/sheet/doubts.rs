@@ -121,3 +121,113 @@ fn of_transmission_error(loaded: &Loaded) -> Vec<String> {
     }
     doubts
 }
+
+#[cfg(test)]
+mod tests {
+    use problem::PairFile;
+
+    use super::*;
+
+    const PAIR: &str = r#"[pair]
+teeth = [23, 37]
+normal_module_mm = 2.0
+pressure_angle_deg = 20.0
+helix_angle_deg = 20.0
+face_width_mm = 25.0
+profile_shift = [0.2, 0.1]
+tool_addendum = [1.25, 1.25]
+tool_dedendum = [1.0, 1.0]
+tip_radius_mm = [0.1, 0.1]
+root_radius_mm = [0.6, 0.6]
+tooth_model = "weber-banaschek"
+[load]
+pinion_torque_nm = 100.0
+[material]
+youngs_modulus_gpa = 206.0
+poisson_ratio = 0.3
+contact_limit_mpa = 1500.0
+"#;
+
+    const LOADED: Loaded = Loaded {
+        delta_ste_um: 1.0,
+        worn_um: Some(1.5),
+        pressure_mpa: 900.0,
+    };
+
+    fn of(text: &str, loaded: &Loaded) -> Vec<String> {
+        let file = PairFile::parse("p.toml", text).unwrap();
+        let grid = gear::Discretisation::of(file.pair.tooth_model);
+        let pair = Pair::with_corrections(&file.to_gear(), &file.corrections(), &grid).unwrap();
+        doubts(&pair, loaded)
+    }
+
+    #[test]
+    fn each_doubt_names_what_is_strange_and_a_sound_pair_has_none() {
+        assert_eq!(of(PAIR, &LOADED), [""; 0]);
+        let with = |from: &str, to: &str| {
+            assert!(PAIR.contains(from), "{from}");
+            of(&PAIR.replace(from, to), &LOADED)
+        };
+        // ε_β = b sin β/(π m) is 1 at 18.371 mm.
+        let long =
+            "100.0\n[corrections]\ntip_relief_um = [5.0, 5.0]\ntip_relief_length_mm = [5.0, 2.0]";
+        for (found, part) in [
+            (with("mm = 25.0", "mm = 18.4"), "overlap ratio ε_β is 1.002"),
+            (with("mm = 25.0", "mm = 3.0"), "b/m_n is 1.50"),
+            (
+                with("nm = 100.0", &format!("nm = {long}")),
+                "tip relief of the pinion covers",
+            ),
+            (
+                with("nm = 100.0", "nm = 0.1"),
+                "F_t/b is 0.163 N/mm, below 1: load.pinion_torque_nm is in N·m, here 0.1",
+            ),
+            (
+                with("nm = 100.0", "nm = 2000.0"),
+                "F_t/b is 3268 N/mm, above 3000",
+            ),
+            (with("gpa = 206.0", "gpa = 0.206"), "modulus is 0.206 GPa"),
+            (with("gpa = 206.0", "gpa = 600.0"), "modulus is 600 GPa"),
+        ] {
+            assert_eq!(found.len(), 1, "{part}: {found:?}");
+            assert!(found[0].contains(part), "{part}: {found:?}");
+        }
+        for (loaded, part) in [
+            (
+                Loaded {
+                    pressure_mpa: 4e3,
+                    ..LOADED
+                },
+                "contact pressure is 4000 MPa",
+            ),
+            (
+                Loaded {
+                    delta_ste_um: 300.0,
+                    worn_um: None,
+                    ..LOADED
+                },
+                "ΔSTE is 300 µm",
+            ),
+            (
+                Loaded {
+                    delta_ste_um: 1e-9,
+                    ..LOADED
+                },
+                "outside 0.001 to 100 µm",
+            ),
+            (
+                Loaded {
+                    delta_ste_um: 2.0,
+                    ..LOADED
+                },
+                "louder when new: ΔSTE is 2.00 µm new and 1.50 µm",
+            ),
+        ] {
+            let found = of(PAIR, &loaded);
+            assert_eq!(found.len(), 1, "{part}: {found:?}");
+            assert!(found[0].contains(part), "{part}: {found:?}");
+        }
+        // The file's own warning speaks of a modulus in MPa.
+        assert_eq!(with("gpa = 206.0", "gpa = 206000.0"), [""; 0]);
+    }
+}

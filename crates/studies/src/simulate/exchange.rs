@@ -10,7 +10,7 @@ use super::Subject;
 use crate::rexs;
 
 /// Points on each involute and each fillet of a profile and of an outline.
-const POINTS: usize = 60;
+const POINTS: usize = 40;
 
 /// Points closer than this are one, mm.
 const SAME_MM: f64 = 1e-9;

@@ -58,6 +58,8 @@ pub fn write_page(
         ("torque.svg", charts::torque(&page.torque)?),
         ("pressure.svg", charts::pressure(&page.pressure)?),
         ("contact.svg", charts::contact(&page.contact)?),
+        ("profile-pinion.svg", charts::profile(&page.profiles[0])?),
+        ("profile-mate.svg", charts::profile(&page.profiles[1])?),
     ] {
         report::write_file(out, name, chart.standalone())?;
     }

@@ -303,8 +303,8 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
     let folder = tempfile::tempdir().unwrap();
     let file = PairFile::parse("p.toml", PAIR).unwrap();
     for (name, wear, files) in [
-        ("new", WearChoice::None, 15),
-        ("worn", WearChoice::Random, 17),
+        ("new", WearChoice::None, 17),
+        ("worn", WearChoice::Random, 19),
     ] {
         let request = Request { wear, ..UNWORN };
         let simulation = run(&file, request).unwrap();
@@ -318,7 +318,7 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
         let page = write_page(&subject, &simulation, &out).unwrap().unwrap();
         let html = std::fs::read_to_string(page).unwrap();
         // Six drawings and two profiles; with random wear the samples and the wear, too.
-        let charts = if files == 17 { 10 } else { 8 };
+        let charts = if files == 19 { 10 } else { 8 };
         assert_eq!(html.matches("<svg").count(), charts);
         for part in [
             "feasible: all 5 constraints hold",
@@ -338,15 +338,15 @@ fn a_page_holds_the_pair_its_charts_and_their_points() {
             .split(',')
             .map(|one| one.parse().unwrap())
             .collect();
-        let (wanted, found) = (figures.delta_ste_um, own[if files == 17 { 2 } else { 1 }]);
+        let (wanted, found) = (figures.delta_ste_um, own[if files == 19 { 2 } else { 1 }]);
         assert!((found / wanted - 1.0).abs() < 1e-9, "{found} for {wanted}");
         if let [_, _, worn, low, high] = own[..] {
             assert!(low < worn && worn < high, "{low} to {high} around {worn}");
         }
         // The extremes of the curves are those of the figures.
-        let pressure = largest(&read("pressure.csv"), if files == 17 { 2 } else { 1 });
+        let pressure = largest(&read("pressure.csv"), if files == 19 { 2 } else { 1 });
         assert_eq!(pressure, figures.hertz_pressure_mpa);
-        if files == 17 {
+        if files == 19 {
             let depth = largest(&read("wear.csv"), 3);
             assert!((depth - 3.5).abs() < 1e-12, "{depth}");
             assert!(read("wear.csv").starts_with("from_pitch_point_mm,pinion_roll_angle_rad,"));

@@ -33,7 +33,7 @@ pub fn profile(profile: &FlankProfile) -> Result<Picture, Error> {
     let chart = Chart {
         title: format!("Profile of the {} (K-diagram)", profile.gear),
         x: axis(
-            format!("roll angle (°), from d_Nf {root} to d_Na {tip} mm"),
+            format!("roll angle (°), between the diameters {root} and {tip} mm"),
             Scale::Linear,
         ),
         y: axis("profile change (µm)", Scale::Linear),

@@ -209,18 +209,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn harmonics_have_their_own_amplitudes() {
-        let wave = |k: u32| {
-            let t = std::f64::consts::TAU * f64::from(k) / 24.0;
-            5.0 + 0.7 * (t + 0.3).cos() + 0.2 * (3.0 * t).sin()
-        };
-        let period: Vec<f64> = (0..24).map(wave).collect();
-        for (order, expected) in [(1, 0.7), (2, 0.0), (3, 0.2)] {
-            assert!((amplitude(&period, order) - expected).abs() < 1e-12);
-        }
-    }
-
-    #[test]
     fn a_plateau_costs_no_points() {
         let points = [[1.0, 9.0], [2.0, 9.0], [3.0, 4.0], [4.0, 4.0], [5.0, 4.0]];
         let expected = [[1.0, 9.0], [3.0, 9.0], [3.0, 4.0], [5.0, 4.0], [5.0, 4.0]];
