@@ -69,8 +69,9 @@ pub fn doubts(pair: &Pair, loaded: &Loaded) -> Vec<String> {
     let [softest, stiffest] = MODULUS_GPA;
     if modulus < softest || (modulus > stiffest && modulus <= WARNED_MODULUS_GPA) {
         doubts.push(format!(
-            "Young’s modulus is {modulus} GPa: gear materials have {softest} to {stiffest} GPa; material.youngs_modulus_gpa is in \
-             GPa, of steel 206"
+            "Young’s modulus is {} GPa: gear materials have {softest} to {stiffest} GPa; material.youngs_modulus_gpa is in \
+             GPa, of steel 206",
+            significant(modulus, 3)
         ));
     }
     doubts.extend(of_transmission_error(loaded));
