@@ -392,7 +392,8 @@ pub(crate) struct Simulate {
     /// Number of samples of random wear, at least 4; only with --wear random [default: 30]
     #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(4..=10_000_000))]
     pub(crate) samples: Option<u32>,
-    /// Write an HTML page with charts (SVG) and their points (CSV) into this folder, new or empty
+    /// Write an HTML page with charts (SVG) and their points (CSV), the data sheet, and files for other programs (DXF,
+    /// REXS) into this folder, new or empty
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Print one JSON object

@@ -7,8 +7,8 @@
 //! worn versions, with perfect flanks ([`Pair::sampler`]) or with the scatter of manufacture
 //! ([`Pair::sampler_with`]). What needs no contact has an [`UnloadedPair`] for a fraction of the time.
 //! [`Pair::with_corrections`] adds tip relief and crowning,
-//! [`Pair::converged`] is the reference solution, and [`rating`] holds ISO 6336's nominal figures for
-//! comparison.
+//! [`Pair::converged`] is the reference solution, [`rating`] holds ISO 6336's nominal figures for
+//! comparison, and [`inspection`] the dimensions of the data sheet.
 //!
 //! # Method
 //! With `coupled`, the model to design with, contact lines are divided into cells that feel each other;
@@ -121,6 +121,7 @@ mod error;
 mod field;
 mod geometry;
 mod input;
+pub mod inspection;
 mod involute;
 mod manufacture;
 mod mesh;
@@ -165,7 +166,7 @@ pub use input::{
     TipRule, ToothModel, Wear, WearLaw,
 };
 pub use manufacture::{FlankClass, Scatter, TOLERANCE_IN_SD};
-pub use outline::{Placement, gear_outline, mesh_placement};
+pub use outline::{Placement, ProfilePoint, gear_outline, mesh_placement, tooth_profile};
 pub use pair::Pair;
 pub use plain::PlainSum;
 pub use root_stress::RootStress;

@@ -71,6 +71,64 @@ pub fn gear_outline(pair: &Pair, member: Member, points: usize) -> Vec<[f64; 2]>
     outline
 }
 
+/// A point of a tooth's transverse profile.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProfilePoint {
+    /// As the tool leaves it, mm about the gear's axis, the tooth along +y.
+    pub nominal: [f64; 2],
+    /// With the tip relief, mm.
+    pub modified: [f64; 2],
+    /// Radius of the nominal point, mm.
+    pub radius: f64,
+    /// Roll angle on the involute, rad; absent on the fillet, the tip rounding and the arcs.
+    pub roll_angle: Option<f64>,
+    /// Depth of the tip relief normal to the flank, mm.
+    pub depth: f64,
+}
+
+/// The transverse profile of one tooth in the middle of the face, from the middle of the space on its right over the tip
+/// to that on its left. `points` are those of [`gear_outline`]. Crowning and helix slopes are not part of a profile.
+#[must_use]
+pub fn tooth_profile(pair: &Pair, member: Member, points: usize) -> Vec<ProfilePoint> {
+    let geometry = pair.geometry();
+    let i = member.index();
+    let r_b = geometry.r_b[i];
+    let ends = [
+        geometry.involute_start[i],
+        tangent_length(geometry.r_na[i], r_b),
+    ];
+    let relief = pair.corrections().tip_relief[i];
+    let right = right_flank(pair, member, points.max(2));
+    let right = right.into_iter().map(|nominal @ [x, y]: [f64; 2]| {
+        let radius = x.hypot(y);
+        let tau = tangent_length(radius, r_b);
+        let slack = 1e-9 * geometry.normal_module;
+        let on_involute = tau >= ends[0] - slack && tau <= ends[1] + slack;
+        let depth = relief
+            .filter(|_| on_involute)
+            .map_or(0.0, |relief| relief.depth(ends[1] - tau));
+        // The normal of the flank is a tangent of the base circle. The amount is normal to the flank, the section transverse.
+        let away = x.atan2(y) - (tau / r_b).atan() + FRAC_PI_2;
+        let inwards = depth / geometry.beta_b.cos();
+        ProfilePoint {
+            nominal,
+            modified: [x - inwards * away.sin(), y - inwards * away.cos()],
+            radius,
+            roll_angle: on_involute.then_some(tau / r_b),
+            depth,
+        }
+    });
+    let mut profile: Vec<ProfilePoint> = right.collect();
+    let mirrored = |point: &ProfilePoint| ProfilePoint {
+        nominal: [-point.nominal[0], point.nominal[1]],
+        modified: [-point.modified[0], point.modified[1]],
+        ..*point
+    };
+    let left: Vec<ProfilePoint> = profile.iter().rev().map(mirrored).collect();
+    profile.extend(left);
+    profile
+}
+
 /// Half a tooth, from the middle of the space on its right over root arc, fillet, involute and tip
 /// rounding to the tooth axis.
 fn right_flank(pair: &Pair, member: Member, points: usize) -> Vec<[f64; 2]> {

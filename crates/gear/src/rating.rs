@@ -1,15 +1,15 @@
-//! The load capacity of ISO 6336 and common inspection dimensions, to set beside the beam model's.
+//! The load capacity of ISO 6336, to set beside the tooth model's stresses and stiffness.
 //!
 //! The simulation does not depend on this module. It covers the stresses of roots and flanks with what follows from the
-//! geometry, the safeties S_F and S_H, the mesh stiffness c′ and c_γ, the part of the path that form
-//! circles leave, and the dimensions that a gear is measured by.
+//! geometry, the safeties S_F and S_H, and the mesh stiffness c′ and c_γ. [`inspection`](crate::inspection) has the dimensions
+//! that a gear is measured by.
 //!
 //! Factors that do not follow from the geometry are inputs ([`Factors`]): application, dynamics, distribution of the
 //! load, life, lubricant, roughness, size. Left out: rims (Y_B = 1), the deep-tooth factor (Y_DT = 1), and the factor f_ZCa
 //! of the flank, which the edition of 2019 adds to Z_B and Z_D for helical gears without profile modification.
 //!
 //! References: ISO 6336-1:2006 (stiffness, method B), ISO 6336-2:2006 (contact), ISO 6336-3:2006
-//! and 2019 (root, method B), ISO 21771:2007 (geometry and inspection dimensions).
+//! and 2019 (root, method B).
 
 use std::f64::consts::PI;
 
@@ -18,7 +18,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::Geometry;
 use crate::input::{InputError, Member};
-use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::root_stress::stress_correction;
 use crate::unloaded::UnloadedPair;
 
@@ -357,128 +356,6 @@ fn stiffness(pair: &UnloadedPair, blank_factor: f64, line_load: f64) -> MeshStif
         mesh_alpha,
         mesh_beta: 0.85 * mesh_alpha,
     }
-}
-
-/// The part of the path of contact that form circles leave; lengths in mm.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ActivePath {
-    /// Start of contact.
-    pub s_in: f64,
-    /// End of contact.
-    pub s_out: f64,
-    /// Active root radii r_Nf.
-    pub r_nf: [f64; 2],
-    /// Active tip radii r_Na.
-    pub r_na: [f64; 2],
-    /// Length of the path of contact g_α.
-    pub length: f64,
-    /// Transverse contact ratio ε_α.
-    pub eps_alpha: f64,
-    /// Specific sliding at the active roots ζ_f.
-    pub root_sliding: [f64; 2],
-}
-
-/// Shortens the path of contact to where both flanks are involutes: contact starts no lower than
-/// the root form circles, and each tip is active only as far as it meets the mate above its own
-/// (ISO 21771, 5.4). `form_radius` are r_Ff in mm; a circle inside the base circle limits nothing.
-///
-/// The simulator itself keeps the whole path and reports the interference instead.
-#[must_use]
-pub fn active_path(geometry: &Geometry, form_radius: [f64; 2]) -> ActivePath {
-    let g = geometry;
-    let form = [0, 1].map(|i| tangent_length(form_radius[i], g.r_b[i]));
-    let (s_in, s_out) = (g.s_in.max(form[0]), g.s_out.min(g.path_length - form[1]));
-    let roots = [s_in, g.path_length - s_out];
-    let tips = [s_out, g.path_length - s_in];
-    let ratio = f64::from(g.teeth[0]) / f64::from(g.teeth[1]);
-    ActivePath {
-        s_in,
-        s_out,
-        r_nf: [0, 1].map(|i| g.r_b[i].hypot(roots[i])),
-        r_na: [0, 1].map(|i| g.r_b[i].hypot(tips[i])),
-        length: s_out - s_in,
-        eps_alpha: (s_out - s_in) / g.base_pitch,
-        root_sliding: [
-            1.0 - (g.path_length - s_in) * ratio / s_in,
-            1.0 - s_out / ((g.path_length - s_out) * ratio),
-        ],
-    }
-}
-
-/// Angles and thicknesses of a tooth at one radius.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FlankPoint {
-    /// Transverse profile angle α_yt, rad.
-    pub profile_angle: f64,
-    /// Helix angle β_y, rad.
-    pub helix_angle: f64,
-    /// Transverse tooth thickness s_yt as an arc, mm.
-    pub transverse_thickness: f64,
-    /// Normal tooth thickness s_yn = s_yt cos β_y, mm.
-    pub normal_thickness: f64,
-    /// Radius of curvature of the transverse profile ρ_y, mm.
-    pub curvature_radius: f64,
-}
-
-/// Thicknesses at the tip circles in the normal section, mm, as if the tips were not rounded; zero for a
-/// pointed tooth.
-#[must_use]
-pub fn tip_land(geometry: &Geometry) -> [f64; 2] {
-    Member::BOTH.map(|member| {
-        let tip = flank(geometry, member, geometry.r_a[member.index()]);
-        // A pointed tooth has none, up to rounding.
-        tip.normal_thickness.max(0.0)
-    })
-}
-
-/// The flank at the transverse radius `r` mm, at least the base radius (ISO 21771, 4.3 to 4.5).
-#[must_use]
-pub fn flank(geometry: &Geometry, member: Member, r: f64) -> FlankPoint {
-    let i = member.index();
-    let tau = tangent_length(r, geometry.r_b[i]);
-    let tangent = tau / geometry.r_b[i];
-    let helix_angle = (geometry.beta.tan() * r / geometry.r[i]).atan();
-    let transverse_thickness = 2.0 * r * (geometry.psi_b[i] - inv_of_tangent(tangent));
-    FlankPoint {
-        profile_angle: tangent.atan(),
-        helix_angle,
-        transverse_thickness,
-        normal_thickness: transverse_thickness * helix_angle.cos(),
-        curvature_radius: tau,
-    }
-}
-
-/// Base tangent length W_k over `teeth` teeth, mm: (k − 1) normal base pitches and one normal base
-/// thickness (ISO 21771, 6.3).
-#[must_use]
-pub fn base_tangent_length(geometry: &Geometry, member: Member, teeth: u32) -> f64 {
-    let i = member.index();
-    let cos_bb = geometry.beta_b.cos();
-    let thickness = 2.0 * geometry.r_b[i] * geometry.psi_b[i];
-    cos_bb * (f64::from(teeth.saturating_sub(1)) * geometry.base_pitch + thickness)
-}
-
-/// Dimension over two balls of `diameter` mm, M_dK, in mm (ISO 21771, 6.4). Zero where such a ball
-/// falls through to the base circle.
-#[must_use]
-pub fn over_balls(geometry: &Geometry, member: Member, diameter: f64) -> f64 {
-    let i = member.index();
-    let z = f64::from(geometry.teeth[i]);
-    // A ball of diameter D touches both flanks where the space, widened by D along the base
-    // helix's normal, closes.
-    let inv =
-        diameter / (2.0 * geometry.r_b[i] * geometry.beta_b.cos()) + geometry.psi_b[i] - PI / z;
-    if inv <= 0.0 {
-        return 0.0;
-    }
-    let centre = geometry.r_b[i] * tangent_of_inv(inv).hypot(1.0);
-    // An odd gear's balls lie half a pitch off the diameter.
-    let lever = if geometry.teeth[i].is_multiple_of(2) {
-        1.0
-    } else {
-        (PI / (2.0 * z)).cos()
-    };
-    2.0 * centre * lever + diameter
 }
 
 /// Coefficients L*, M*, P*, Q* of the compliance of a gear body, for a foundation that reaches over

@@ -6,6 +6,7 @@
 //! - [`export`] writes the store's tables as [`table`]s of CSV, JSON or Parquet, [`model`] is its kriging model, and
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`report`] is the report with its charts; [`comparison`] puts the paper's figures beside ours.
+//! - [`sheet`] is the data sheet of a gear pair, with reasons to doubt the pair.
 //! - [`number`] shows numbers to people.
 //! - [`live`] is the live page, and [`descriptors`] what connections leave to files.
 //! - [`snapshot`] has the rows of a campaign, and [`optima`] its optima, verified and ranked.
@@ -31,6 +32,7 @@ pub mod pair_file;
 mod parquet;
 pub mod report;
 pub mod running;
+pub mod sheet;
 pub mod snapshot;
 pub mod status;
 pub mod table;

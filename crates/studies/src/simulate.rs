@@ -1,13 +1,15 @@
 //! `coordinator simulate`: all results of the simulator for one pair.
 
 use clap::ValueEnum;
-use gear::{Discretisation, Geometry, Pair, Sliding, rating};
+use gear::{Analysis, Discretisation, Geometry, Pair, Sliding, inspection, rating};
 use problem::PairFile;
 use problem::formulation::Constraint;
 use problem::formulation::gears::{self, GearCriteria};
+use results::sheet::{self, Loaded, Section};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
 
+mod exchange;
 mod page;
 mod text;
 
@@ -52,6 +54,8 @@ pub struct Simulation {
     /// The wear that `ste_um`, `delta_ste_um` and `hertz_pressure_mpa` are for; with random wear
     /// they are for its mean, Archard's wear.
     pub wear: WearChoice,
+    /// Reasons to doubt the pair, a sentence each: those of the file, then those of its results.
+    pub warnings: Vec<String>,
     /// The pair's constraints, those of the file and the defaults; empty for a pair that is not
     /// simulable.
     pub constraints: Vec<Constraint>,
@@ -63,6 +67,9 @@ pub struct Simulation {
 /// The figures of a pair that can be simulated.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figures {
+    /// The data sheet, transmission error and stiffness included: `sheet` in JSON.
+    #[serde(skip)]
+    sheet: Vec<Section>,
     normal_module_mm: f64,
     centre_distance_mm: f64,
     transverse_pressure_angle_deg: f64,
@@ -218,13 +225,26 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
                 feasible: false,
                 reason: Some(format!("{}: {infeasible}", infeasible.code())),
                 wear: request.wear,
+                warnings: file.warnings(),
                 constraints: Vec::new(),
                 figures: None,
             });
         }
         Err(error) => return Err(error.into()),
     };
-    let figures = figures(&pair, file, request)?;
+    let worn = match request.wear {
+        WearChoice::None => None,
+        WearChoice::Archard | WearChoice::Random => Some(pair.archard(&file.wear).analysis),
+    };
+    let unworn = pair.unworn();
+    let loaded = Loaded {
+        delta_ste_um: unworn.delta_ste_um,
+        worn_um: worn.as_ref().map(|worn| worn.delta_ste_um),
+        pressure_mpa: unworn.hertz_pressure_mpa,
+    };
+    let mut warnings = file.warnings();
+    warnings.extend(sheet::doubts(&pair, &loaded));
+    let figures = figures(&pair, file, request, unworn, worn)?;
     let strength = file.material.strength(file.strength);
     let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&file.strength));
     let constraints = gears::constraints(&file.limits(), &strength, &criteria);
@@ -234,6 +254,7 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         feasible: constraints.iter().all(Constraint::holds),
         reason: None,
         wear: request.wear,
+        warnings,
         constraints,
         figures: Some(figures),
     })
@@ -248,13 +269,19 @@ fn pair(file: &PairFile) -> Result<Pair, gear::Error> {
     )
 }
 
-/// All results of the simulator for a pair with the requested wear.
-fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Figures> {
-    let wear = file.wear;
-    let analysis = match request.wear {
-        WearChoice::None => pair.unworn(),
-        WearChoice::Archard | WearChoice::Random => pair.archard(&wear).analysis,
-    };
+/// All results of the simulator for a pair with the requested wear, from its analyses.
+fn figures(
+    pair: &Pair,
+    file: &PairFile,
+    request: Request,
+    unworn: Analysis,
+    worn: Option<Analysis>,
+) -> anyhow::Result<Figures> {
+    let mut sections = sheet::sections(file, pair);
+    let analysis = worn.as_ref().unwrap_or(&unworn);
+    sections.push(sheet::transmission_error(pair, analysis, worn.is_some()));
+    sections.push(sheet::stiffness(pair, &file.strength, &unworn));
+    let analysis = worn.unwrap_or(unworn);
     let samples = (request.wear == WearChoice::Random).then(|| {
         let mut sampler = file.sampler(pair);
         (0..request.samples)
@@ -286,6 +313,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
     let roots = pair.root_stress();
     let diameter = |radius: [f64; 2]| radius.map(|radius| 2.0 * radius);
     Ok(Figures {
+        sheet: sections,
         normal_module_mm: geometry.normal_module,
         centre_distance_mm: geometry.centre_distance,
         transverse_pressure_angle_deg: geometry.alpha_t.to_degrees(),
@@ -308,7 +336,7 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
             max,
         },
         clearance_mm: interference.clearance,
-        tip_land_mm: rating::tip_land(geometry),
+        tip_land_mm: inspection::tip_land(geometry),
         flank_margin_mm: interference.flank_margin,
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
@@ -338,9 +366,10 @@ fn figures(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Fig
 pub fn to_json(simulation: &Simulation) -> anyhow::Result<serde_json::Value> {
     let mut object = serde_json::to_value(simulation)?;
     if let (Some(object), Some(figures)) = (object.as_object_mut(), &simulation.figures)
-        && let serde_json::Value::Object(figures) = serde_json::to_value(figures)?
+        && let serde_json::Value::Object(values) = serde_json::to_value(figures)?
     {
-        object.extend(figures);
+        object.extend(values);
+        object.insert("sheet".to_owned(), sheet::json(&figures.sheet).into());
     }
     Ok(object)
 }

@@ -32,15 +32,15 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> Result<u8, ProgramErr
     }
     let text = read(&arguments.pair)?;
     let file = PairFile::parse(&arguments.pair.display().to_string(), &text)?;
-    for warning in file.warnings() {
-        warn!("{warning}");
-    }
     let request = simulate::Request {
         wear: arguments.wear,
         seed: arguments.seed.unwrap_or(SEED),
         samples: arguments.samples.unwrap_or(SAMPLES),
     };
     let simulation = simulate::run(&file, request)?;
+    for warning in &simulation.warnings {
+        warn!("{warning}");
+    }
     let json = simulate::to_json(&simulation)?;
     print_either(arguments.json, &json, || simulate::describe(&simulation))?;
     if let Some(out) = &arguments.out {

@@ -14,6 +14,7 @@ use super::model::{self, ScatterShare, Slice, VariableIndices};
 use super::printed::PaperFigures;
 use super::runs::{self, OptimiserRun};
 use super::wear::{self, WearProfiles};
+use crate::sheet::{self, Section};
 use crate::snapshot::Snapshot;
 use crate::status;
 
@@ -50,6 +51,8 @@ pub struct GearFigures {
     pub wear: Option<WearProfiles>,
     /// Drawings and curves of the optima.
     pub illustrations: BTreeMap<Approach, Illustration>,
+    /// The data sheet of the recommended design; empty without one.
+    pub sheet: Vec<Section>,
     /// The runs of the approaches that have an optimiser.
     pub runs: BTreeMap<Approach, Vec<OptimiserRun>>,
 }
@@ -79,6 +82,9 @@ impl Report {
                     doe: doe::points(&snapshot),
                     wear: wear::profiles(&snapshot),
                     illustrations: drawing::illustrations(&snapshot),
+                    sheet: best.map_or_else(Vec::new, |best| {
+                        sheet::of_design(&snapshot.problem, &best.design)
+                    }),
                     runs: runs::finished(&snapshot)?,
                 }),
                 None => None,

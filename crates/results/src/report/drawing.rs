@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use gear::Member;
+use gear::inspection::{active_path, form_radii};
 use problem::Approach;
 use stages::optima::Optimum;
 
@@ -82,6 +83,21 @@ pub struct PressureCurves {
     pub unworn_mpa: Vec<f64>,
     /// Largest pressure with Archard's wear, MPa; may be empty.
     pub worn_mpa: Vec<f64>,
+}
+
+/// The profile of one gear between its active diameters: what is taken off on purpose, and worn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlankProfile {
+    /// `pinion` or `mate`.
+    pub gear: &'static str,
+    /// Active root and tip diameter, mm.
+    pub diameters_mm: [f64; 2],
+    /// Roll angles, degrees.
+    pub roll_angle_deg: Vec<f64>,
+    /// Depth of the tip relief, µm normal to the flank.
+    pub modification_um: Vec<f64>,
+    /// Depth of the mean wear, µm; may be empty.
+    pub wear_um: Vec<f64>,
 }
 
 /// ΔSTE of a pair at several torques. Its flanks are worn at the torque that it is designed for.
@@ -220,6 +236,36 @@ pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
             .map(|s| [[0.0, from_pitch(s)], [width, from_pitch(s - width * slope)]])
             .collect(),
     }
+}
+
+/// The profiles of pinion and mate, with the mean wear at the places of the pair's path, mm, if it is given, for
+/// [`charts::profile`](super::charts::profile).
+#[must_use]
+pub fn profiles(pair: &gear::Pair, wear: Option<&[Vec<f64>; 2]>) -> [FlankProfile; 2] {
+    let geometry = pair.geometry();
+    let active = active_path(geometry, form_radii(geometry));
+    let places = pair.path().iter().copied().enumerate();
+    let places: Vec<(usize, f64)> = places
+        .filter(|(_, s)| (active.s_in..=active.s_out).contains(s))
+        .collect();
+    Member::BOTH.map(|member| {
+        let i = member.index();
+        let relief = pair.corrections().tip_relief[i];
+        let from_tip = |s: f64| [geometry.s_out - s, s - geometry.s_in][i];
+        let depth = |s| relief.map_or(0.0, |relief| 1e3 * relief.depth(from_tip(s)));
+        FlankProfile {
+            gear: ["pinion", "mate"][i],
+            diameters_mm: [2.0 * active.r_nf[i], 2.0 * active.r_na[i]],
+            roll_angle_deg: places
+                .iter()
+                .map(|&(_, s)| geometry.roll_angle(member, s).to_degrees())
+                .collect(),
+            modification_um: places.iter().map(|&(_, s)| depth(s)).collect(),
+            wear_um: wear.map_or_else(Vec::new, |depths| {
+                places.iter().map(|&(k, _)| 1e3 * depths[i][k]).collect()
+            }),
+        }
+    })
 }
 
 /// The transmission error of a pair over one mesh period, unworn and with the mean wear, for

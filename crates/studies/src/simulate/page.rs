@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use gear::{Member, Pair};
 use problem::PairFile;
 use results::report::{
-    self, PairPage, PressureCurves, RandomFlanks, SteCurves, TorqueCurves, WearProfiles, charts,
+    self, FlankProfile, PairPage, PressureCurves, RandomFlanks, SteCurves, TorqueCurves,
+    WearProfiles, charts,
 };
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
 
-use super::{Figures, Request, Simulation, WearChoice, text};
+use super::{Figures, Request, Simulation, WearChoice, exchange, text};
 
 /// Number of random wear profiles on the page.
 const WEAR_PROFILES: u64 = 10;
@@ -52,6 +53,8 @@ pub fn write_page(
         ("torque.svg", charts::torque(&page.torque)?),
         ("pressure.svg", charts::pressure(&page.pressure)?),
         ("contact.svg", charts::contact(&page.contact)?),
+        ("profile-pinion.svg", charts::profile(&page.profiles[0])?),
+        ("profile-mate.svg", charts::profile(&page.profiles[1])?),
     ] {
         report::write_file(out, name, chart.standalone())?;
     }
@@ -63,6 +66,9 @@ pub fn write_page(
     report::write_file(out, "ste.csv", curves.ste_table().csv()?)?;
     report::write_file(out, "torque.csv", curves.torque_table().csv()?)?;
     report::write_file(out, "pressure.csv", curves.pressure_table().csv()?)?;
+    for (name, content) in exchange::files(subject, &pair, &figures.sheet)? {
+        report::write_file(out, name, content)?;
+    }
     report::write_file(out, "pair.html", report::render_pair(&page)?)?;
     Ok(Some(out.join("pair.html")))
 }
@@ -79,6 +85,8 @@ struct Curves {
     pressure: [Vec<f64>; 2],
     /// Roll angles of pinion and mate at the places, rad.
     roll: [Vec<f64>; 2],
+    /// The profiles of pinion and mate.
+    profiles: [FlankProfile; 2],
     /// Depth of the mean wear on the flanks of pinion and mate, µm; empty without wear.
     depth_um: [Vec<f64>; 2],
     /// Depths of random wear on the pinion's flank, µm.
@@ -95,11 +103,13 @@ impl Curves {
         let mut depth_um = [Vec::new(), Vec::new()];
         let is_worn = subject.request.wear != WearChoice::None;
         let mut random = None;
+        let mut profiles = report::profiles(pair, None);
         if subject.request.wear == WearChoice::None {
             ste.worn_um.clear();
         } else {
             let worn = pair.archard(&wear);
             depth_um = [0, 1].map(|i| micrometres(&worn.depth[i]));
+            profiles = report::profiles(pair, Some(&worn.depth));
             worn_mpa = worn.pressure;
         }
         if subject.request.wear == WearChoice::Random {
@@ -128,6 +138,7 @@ impl Curves {
             pitch: geometry.s_pitch,
             pressure: [pair.pressure().to_vec(), worn_mpa],
             roll,
+            profiles,
             depth_um,
             random_um,
         }
@@ -232,6 +243,8 @@ fn page(
             "The pair is {}.",
             verdict.lines().next().unwrap_or_default()
         ),
+        warnings: simulation.warnings.clone(),
+        sheet: figures.sheet.clone(),
         constraints: simulation.constraints.clone(),
         figures: text::rows(figures, simulation.wear)
             .into_iter()
@@ -250,6 +263,8 @@ fn page(
             let is_worn = subject.request.wear != WearChoice::None;
             report::contact(pair, is_worn.then_some(&wear))
         },
+        profiles: curves.profiles.clone(),
+        samples: figures.samples_um.clone().zip(figures.p90_um),
         wear: (!curves.depth_um[0].is_empty()).then(|| WearProfiles {
             subject: format!(
                 "Flank of the pinion; {}.{}",

@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use problem::formulation::Constraint;
+use results::sheet;
 
-use super::{ContactRatio, Figures, Simulation, WearChoice};
+use super::{Figures, Simulation, WearChoice};
 
 /// The simulation as text.
 #[must_use]
@@ -13,7 +14,7 @@ pub fn describe(simulation: &Simulation) -> String {
         let reason = simulation.reason.as_deref().unwrap_or_default();
         return format!("the pair cannot be simulated: {reason}\n");
     };
-    let mut text = String::new();
+    let mut text = sheet::describe(&figures.sheet);
     for (name, value) in rows(figures, simulation.wear) {
         // Writing to a string does not fail.
         let _ = writeln!(text, "{name:<28}{value}");
@@ -21,7 +22,8 @@ pub fn describe(simulation: &Simulation) -> String {
     text + "\n" + &verdict(&simulation.constraints)
 }
 
-/// The figures with their names and units, in the order in which they are shown; `wear` is that of the analysis.
+/// The figures that are not in the data sheet, with their names and units, in the order in which they are shown; `wear` is
+/// that of the analysis.
 pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, String)> {
     let mut rows = Vec::new();
     let [pressure, delta_ste] = match wear {
@@ -33,64 +35,9 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, St
     let pair = |values: [f64; 2]| format!("{:.4}, {:.4}", values[0], values[1]);
     let mut line = |name: &'static str, value: String| rows.push((name, value));
     line(
-        "normal module",
-        format!("{:.5} mm", figures.normal_module_mm),
-    );
-    line(
-        "centre distance",
-        format!("{:.4} mm", figures.centre_distance_mm),
-    );
-    line(
-        "transverse pressure angle",
-        format!("{:.4}°", figures.transverse_pressure_angle_deg),
-    );
-    line(
-        "working pressure angle",
-        format!("{:.4}°", figures.working_pressure_angle_deg),
-    );
-    if figures.backlash_mm > 0.0 {
-        line(
-            "backlash",
-            format!(
-                "{:.4} mm along the working pitch circles",
-                figures.backlash_mm
-            ),
-        );
-    }
-    line(
-        "reference diameters",
-        format!("{} mm", pair(figures.reference_diameter_mm)),
-    );
-    line(
-        "base diameters",
-        format!("{} mm", pair(figures.base_diameter_mm)),
-    );
-    line(
-        "tip diameters",
-        format!("{} mm", pair(figures.tip_diameter_mm)),
-    );
-    line(
-        "root diameters",
-        format!("{} mm", pair(figures.root_diameter_mm)),
-    );
-    let ContactRatio {
-        transverse,
-        overlap,
-        total,
-    } = figures.contact_ratio;
-    line(
-        "contact ratio",
-        format!("{total:.4} (transverse {transverse:.4}, overlap {overlap:.4})"),
-    );
-    line(
         "largest specific sliding",
         format!("{:.4}", figures.specific_sliding.max),
     );
-    line(
-        "tip clearances",
-        format!("{} mm", pair(figures.clearance_mm)),
-    );
-    line("tip lands", format!("{} mm", pair(figures.tip_land_mm)));
     line(
         "flank margins",
         format!("{} mm", pair(figures.flank_margin_mm)),
@@ -131,11 +78,6 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, St
     line(
         "with K_A, K_v, K_Hβ, K_Hα",
         format!("{application}, {dynamic}, {face}, {transverse}"),
-    );
-    let stiffness = figures.pair_stiffness_n_per_mm_um;
-    line(
-        "pair stiffness at pitch",
-        format!("{stiffness:.3} N/(mm µm)"),
     );
     line(delta_ste, format!("{:.4} µm", figures.delta_ste_um));
     line("the model's own error", figures.model_error.to_owned());

@@ -84,7 +84,7 @@ pub(super) fn largest_jump(points: &[[f64; 2]]) -> f64 {
 /// Thickness of the pinion's tooth at its tip circle, in modules.
 pub(super) fn tip_land(pair: &Pair) -> f64 {
     let geometry = pair.geometry();
-    gear::rating::tip_land(geometry)[0] / geometry.normal_module
+    gear::inspection::tip_land(geometry)[0] / geometry.normal_module
 }
 
 /// Records the constraints that a pair breaks under the paper's limits and a minimum tip land of 0.2 modules, with

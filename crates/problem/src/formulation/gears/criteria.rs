@@ -1,6 +1,6 @@
 //! The criteria of a gear pair and their representation in the store.
 
-use gear::rating;
+use gear::{inspection, rating};
 use serde::{Deserialize, Serialize};
 
 use super::super::{Analysis, Criteria, Quantity, State};
@@ -197,7 +197,7 @@ impl GearDetails {
         Self {
             transverse_contact_ratio: geometry.eps_alpha_left(),
             pure_involute_mm: pair.corrections().pure_involute(geometry),
-            tip_land_mm: rating::tip_land(geometry),
+            tip_land_mm: inspection::tip_land(geometry),
             iso_root_stress_mpa: rating.root_stress_mpa,
             iso_flank_stress_mpa: rating.flank_stress_mpa,
             centre_distance_mm: geometry.centre_distance,

@@ -43,7 +43,7 @@ impl VerifiedSamples<'_> {
             points: vec![[value, 0.0], [value, top]],
         });
         let curve = Series {
-            name: Some("verification samples".to_owned()),
+            name: Some("samples".to_owned()),
             mark: Mark::Curve(""),
             colour: 0,
             points: curve,

@@ -6,6 +6,7 @@ use crate::report::drawing::SteCurves;
 use crate::report::error::Error;
 use crate::report::runs::OptimiserRun;
 use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::sheet::amplitude;
 
 /// Dash patterns, so that lines differ by more than colour.
 const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
@@ -145,13 +146,12 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
         ("with Archard’s wear", &curves.worn_um, 1),
     ];
     for (name, values, colour) in kinds {
-        // The last point of a closed curve is the first one again.
-        let Some((_, period)) = values.split_last() else {
+        if values.is_empty() {
             continue;
-        };
+        }
         // At the frequency of every other point an amplitude has no meaning.
-        let orders = ORDERS.min(period.len().saturating_sub(1) / 2);
-        let points = (1..=orders).map(|n| [n as f64, amplitude(period, n)]);
+        let orders = ORDERS.min(values.len().saturating_sub(2) / 2);
+        let points = (1..=orders).map(|n| [n as f64, amplitude(&curves.phase, values, n)]);
         let points: Vec<[f64; 2]> = points.collect();
         series.extend(points.iter().map(|&[x, y]| Series {
             name: None,
@@ -178,20 +178,6 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
         "spectrum of the static transmission error",
         "no curve has a finite value",
     )
-}
-
-/// The amplitude of the `order`-th harmonic of evenly spaced values over one period.
-fn amplitude(period: &[f64], order: usize) -> f64 {
-    let n = period.len() as f64;
-    let step = std::f64::consts::TAU * order as f64 / n;
-    let part = |f: fn(f64) -> f64| {
-        let terms = period
-            .iter()
-            .enumerate()
-            .map(|(k, v)| v * f(step * k as f64));
-        terms.sum::<f64>()
-    };
-    2.0 / n * part(f64::cos).hypot(part(f64::sin))
 }
 
 /// A staircase through the points: a best value holds until the next one.
@@ -221,18 +207,6 @@ fn value_at(points: &[[f64; 2]], at: f64) -> Option<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn harmonics_have_their_own_amplitudes() {
-        let wave = |k: u32| {
-            let t = std::f64::consts::TAU * f64::from(k) / 24.0;
-            5.0 + 0.7 * (t + 0.3).cos() + 0.2 * (3.0 * t).sin()
-        };
-        let period: Vec<f64> = (0..24).map(wave).collect();
-        for (order, expected) in [(1, 0.7), (2, 0.0), (3, 0.2)] {
-            assert!((amplitude(&period, order) - expected).abs() < 1e-12);
-        }
-    }
 
     #[test]
     fn a_plateau_costs_no_points() {

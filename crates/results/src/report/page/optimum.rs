@@ -17,6 +17,7 @@ use crate::report::printed::PrintedDesign;
 use crate::report::quantity::{approach_name, criterion_name};
 use crate::report::svg::Picture;
 use crate::report::symbols;
+use crate::sheet::Section;
 
 /// The section of one design.
 pub(super) struct OptimumView {
@@ -26,6 +27,8 @@ pub(super) struct OptimumView {
     /// The paper's figure of the same design, and what is printed with it.
     pub(super) printed: Option<(u8, String)>,
     pub(super) failed: bool,
+    /// The data sheet of the recommended design; empty for others.
+    pub(super) sheet: Vec<Section>,
     pub(super) figures: Vec<Figure>,
     /// The caption of the figures.
     pub(super) caption: String,
@@ -64,6 +67,8 @@ impl OptimumView {
                 )
             }
         };
+        let recommended = report.snapshot.optima.recommended();
+        let is_recommended = recommended.is_some_and(|best| best.optimum.approach == approach);
         let row = paper::approach(approach).filter(|_| gears.paper.is_some());
         Ok(Self {
             anchor,
@@ -72,6 +77,10 @@ impl OptimumView {
             printed: row
                 .and_then(|row| Some((row.figure, caption(paper::printed(row.figure)?)))),
             failed: is_missing,
+            sheet: match is_recommended {
+                true => gears.sheet.clone(),
+                false => Vec::new(),
+            },
             figures,
             caption: "The gears near the contact, to scale, and in axonometric view; the static transmission \
                       error over one mesh period, each curve about its own mean, and its spectrum; the pressure \
@@ -94,6 +103,7 @@ impl OptimumView {
             summary: "The paper’s design, on this model.".to_owned(),
             printed: Some((printed.figure, caption(printed))),
             failed: false,
+            sheet: Vec::new(),
             figures: figures(&anchor, &named, illustration)?,
             caption: "The gears near the contact, to scale, and in axonometric view; the static transmission \
                       error over one mesh period, each curve about its own mean, and its spectrum."

@@ -6,12 +6,14 @@ use problem::formulation::Constraint;
 use super::cells::Show as _;
 use super::figure::{Figure, figure};
 use crate::report::charts;
+use crate::report::charts::VerifiedSamples;
 use crate::report::drawing::{
-    ContactPattern, GearDrawing, PressureCurves, SteCurves, TorqueCurves,
+    ContactPattern, FlankProfile, GearDrawing, PressureCurves, SteCurves, TorqueCurves,
 };
 use crate::report::error::Error;
 use crate::report::svg;
 use crate::report::wear::WearProfiles;
+use crate::sheet::Section;
 
 /// The page of one gear pair.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +24,10 @@ pub struct PairPage {
     pub program_version: String,
     /// Whether the pair is feasible, in a sentence.
     pub verdict: String,
+    /// Reasons to doubt the pair, a sentence each.
+    pub warnings: Vec<String>,
+    /// The data sheet.
+    pub sheet: Vec<Section>,
     /// The constraints with the pair's values.
     pub constraints: Vec<Constraint>,
     /// Further (label, value with unit) pairs, shown as they are.
@@ -36,6 +42,10 @@ pub struct PairPage {
     pub pressure: PressureCurves,
     /// Contact pressure over the flank.
     pub contact: ContactPattern,
+    /// The profiles of pinion and mate.
+    pub profiles: [FlankProfile; 2],
+    /// ΔSTE of the samples of random wear, µm, and their P90; absent without samples.
+    pub samples: Option<(Vec<f64>, f64)>,
     /// Wear depths of the pinion's flank; absent without wear.
     pub wear: Option<WearProfiles>,
 }
@@ -56,6 +66,12 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
         solid: figure("axonometric", charts::solid(&data.drawing))?,
         pressure: figure("pressure", charts::pressure(&data.pressure))?,
         contact: figure("contact", charts::contact(&data.contact))?,
+        profiles: data
+            .profiles
+            .iter()
+            .map(profile)
+            .collect::<Result<_, _>>()?,
+        samples: data.samples.as_ref().map(samples).transpose()?,
         wear: match &data.wear {
             Some(profiles) => {
                 let chart = figure("wear", charts::wear(profiles, charts::HALF))?;
@@ -65,6 +81,25 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
         },
     };
     Ok(page.render()?)
+}
+
+/// The chart of a gear's profile.
+fn profile(profile: &FlankProfile) -> Result<Figure, Error> {
+    figure(
+        &format!("profile-{}", profile.gear),
+        charts::profile(profile),
+    )
+}
+
+/// The histogram of samples.
+fn samples((values, p90): &(Vec<f64>, f64)) -> Result<Figure, Error> {
+    let samples = VerifiedSamples {
+        response: "ΔSTE with random wear",
+        unit: "µm",
+        values,
+        measure: Some(("P90".to_owned(), *p90)),
+    };
+    figure("samples", charts::histogram(&samples))
 }
 
 #[derive(Template)]
@@ -79,5 +114,7 @@ struct Page<'a> {
     solid: Figure,
     pressure: Figure,
     contact: Figure,
+    profiles: Vec<Figure>,
+    samples: Option<Figure>,
     wear: Option<Figure>,
 }

@@ -43,11 +43,18 @@ pub(crate) fn plausible() -> Report {
     let doe = doe(SIMULABLE);
     let problem = problem();
     let model = model(&problem, &doe);
+    let optima = Optima::new(&problem, optima());
+    let recommended = optima.recommended().expect("an optimum is feasible");
+    let found = recommended.optimum.found.as_ref();
+    let sheet = found.map_or_else(
+        |_| Vec::new(),
+        |found| results::sheet::of_design(&problem, &found.design),
+    );
     Report {
         snapshot: Snapshot {
             criteria: criteria(),
             samples: 204_409,
-            optima: Optima::new(&problem, optima()),
+            optima,
             model: Some(model),
             costs: costs(),
             ..nothing(problem)
@@ -70,6 +77,7 @@ pub(crate) fn plausible() -> Report {
             }),
             wear: Some(wear()),
             illustrations: illustrations(),
+            sheet,
             runs: runs(),
             doe,
         }),

@@ -66,6 +66,27 @@ fn a_full_page_is_well_formed_and_shows_every_chart() {
     );
 }
 
+/// The data sheet stands before the charts of the recommended design, and nowhere else.
+#[test]
+fn the_recommended_design_has_a_data_sheet_and_every_page_a_block_to_sign() {
+    let page = render(&plausible()).unwrap().html;
+    let caption = "Data sheet of the recommended pair";
+    assert_eq!(page.matches(caption).count(), 1);
+    let after = page.split(caption).nth(1).unwrap();
+    let part = after.split("<svg").next().unwrap();
+    for row in [
+        "base tangent length (span)",
+        "<var>d</var><sub>Na</sub>",
+        "tooth model",
+    ] {
+        assert!(part.contains(row), "{row}");
+    }
+    for page in [page, render(&empty()).unwrap().html] {
+        assert!(page.contains("<dt>Signature</dt><dd></dd>"));
+        assert!(page.contains(".sign-off{display:none}"));
+    }
+}
+
 #[test]
 fn an_empty_page_says_so_in_words() {
     let page = render(&empty()).unwrap().html;
@@ -165,11 +186,11 @@ fn text_from_outside_is_escaped_everywhere() {
     let page = render(&data).unwrap().html;
     check(&page);
     assert!(!page.contains("<script"));
-    // The title three times (twice in the head, and in the heading), and once for each of the others; the failed approach
+    // The title four times (twice in the head, in the heading, and in the block to sign), and once for each of the others; the failed approach
     // gives its reason in the table and in its own section, the warning of the model stands beside it
     // and in the notes, and the subject of the wear stands in the alternative text, the title and the caption
     // of its chart.
-    assert_eq!(page.matches("alert(").count(), 22);
+    assert_eq!(page.matches("alert(").count(), 23);
 }
 
 #[test]

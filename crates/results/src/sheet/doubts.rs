@@ -1,0 +1,234 @@
+//! Reasons to doubt a pair that was simulated. [`PairFile::warnings`](problem::PairFile::warnings) owns those that the file
+//! alone shows.
+
+use gear::{Pair, Range, ToothModel};
+
+use crate::number::significant;
+
+/// Distance of an overlap ratio from a whole number within which slices see no variation.
+const WHOLE: f64 = 0.03;
+/// Share of the path of contact above which a tip relief leaves too little unmodified.
+const MOST_RELIEF: f64 = 0.5;
+/// Line loads F_t/b in N/mm outside which the torque was probably given in another unit.
+const LINE_LOAD: [f64; 2] = [1.0, 3000.0];
+/// Contact pressure in MPa above which the torque was probably given in another unit.
+const MOST_PRESSURE_MPA: f64 = 3000.0;
+/// Young's moduli in GPa between which gear materials lie, from soft plastics to hard metal.
+const MODULUS_GPA: [f64; 2] = [1.0, 450.0];
+/// Young's modulus in GPa above which the file's own warning speaks.
+const WARNED_MODULUS_GPA: f64 = 1000.0;
+/// ΔSTE in µm between which those of gears lie.
+const DELTA_STE_UM: [f64; 2] = [1e-3, 100.0];
+
+/// Results of a pair under load.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Loaded {
+    /// ΔSTE with new flanks, µm.
+    pub delta_ste_um: f64,
+    /// ΔSTE with the mean wear, µm; absent if it was not computed.
+    pub worn_um: Option<f64>,
+    /// Highest contact pressure, MPa.
+    pub pressure_mpa: f64,
+}
+
+/// One sentence for each reason to doubt a pair, with the remedy.
+#[must_use]
+pub fn doubts(pair: &Pair, loaded: &Loaded) -> Vec<String> {
+    let (g, input) = (pair.geometry(), pair.input());
+    let mut doubts = Vec::new();
+    if g.beta > 0.0 && g.eps_beta > 0.5 && (g.eps_beta - g.eps_beta.round()).abs() < WHOLE {
+        doubts.push(format!(
+            "the overlap ratio ε_β is {:.3}, next to a whole number, where ΔSTE of perfect flanks is least and changes fast: \
+             vary the face width by a tenth to see how far the result depends on it",
+            g.eps_beta
+        ));
+    }
+    // The file's warnings cover the model that was compared with finite elements over a range.
+    let width = g.face_width / g.normal_module;
+    if input.tooth_model != ToothModel::Coupled && !Range::FACE_WIDTH.contains(width) {
+        let [low, high] = Range::FACE_WIDTH.limits;
+        doubts.push(format!(
+            "b/m_n is {width:.2}: tooth models were compared with finite elements for {low} to {high}; outside, take ΔSTE as \
+             a tendency only"
+        ));
+    }
+    let [start, end] = g.path_left();
+    for (gear, relief) in ["pinion", "mate"].iter().zip(pair.corrections().tip_relief) {
+        let relief = relief.filter(|relief| relief.amount > 0.0);
+        let share = relief.map_or(0.0, |relief| relief.length / (end - start));
+        if share > MOST_RELIEF {
+            doubts.push(format!(
+                "the tip relief of the {gear} covers {:.0} % of the path of contact: with more than half, no part of the flank is \
+                 left as it was cut; shorten corrections.tip_relief_length_mm",
+                100.0 * share
+            ));
+        }
+    }
+    doubts.extend(of_load(pair, loaded.pressure_mpa));
+    let modulus = input.material.youngs_modulus_mpa * 1e-3;
+    let [softest, stiffest] = MODULUS_GPA;
+    if modulus < softest || (modulus > stiffest && modulus <= WARNED_MODULUS_GPA) {
+        doubts.push(format!(
+            "Young’s modulus is {} GPa: gear materials have {softest} to {stiffest} GPa; material.youngs_modulus_gpa is in \
+             GPa, of steel 206",
+            significant(modulus, 3)
+        ));
+    }
+    doubts.extend(of_transmission_error(loaded));
+    doubts
+}
+
+/// A doubt about the torque.
+fn of_load(pair: &Pair, pressure_mpa: f64) -> Option<String> {
+    let (g, torque) = (pair.geometry(), pair.input().pinion_torque);
+    let line_load = torque / (g.r[0] * g.face_width);
+    let [least, most] = LINE_LOAD;
+    let implausible = if line_load > most {
+        format!("the line load F_t/b is {line_load:.0} N/mm, above {most}")
+    } else if line_load < least {
+        format!(
+            "the line load F_t/b is {} N/mm, below {least}",
+            significant(line_load, 3)
+        )
+    } else if pressure_mpa > MOST_PRESSURE_MPA {
+        format!("the contact pressure is {pressure_mpa:.0} MPa, above {MOST_PRESSURE_MPA}")
+    } else {
+        return None;
+    };
+    Some(format!(
+        "{implausible}: load.pinion_torque_nm is in N·m, here {}",
+        torque * 1e-3
+    ))
+}
+
+/// Doubts about ΔSTE, and about a pair that is louder when new than when worn.
+fn of_transmission_error(loaded: &Loaded) -> Vec<String> {
+    let new = loaded.delta_ste_um;
+    let [least, most] = DELTA_STE_UM;
+    let mut doubts = Vec::new();
+    if !(least..=most).contains(&new) {
+        doubts.push(format!(
+            "ΔSTE is {} µm, outside {least} to {most} µm, between which those of gears lie: look at torque, module and modulus, \
+             and at a finer tooth model",
+            significant(new, 3)
+        ));
+    }
+    if let Some(worn) = loaded.worn_um.filter(|worn| *worn < new) {
+        doubts.push(format!(
+            "louder when new: ΔSTE is {} µm new and {} µm with the mean wear, so compare designs new, too",
+            significant(new, 3),
+            significant(worn, 3)
+        ));
+    }
+    doubts
+}
+
+#[cfg(test)]
+mod tests {
+    use problem::PairFile;
+
+    use super::*;
+
+    const PAIR: &str = r#"[pair]
+teeth = [23, 37]
+normal_module_mm = 2.0
+pressure_angle_deg = 20.0
+helix_angle_deg = 20.0
+face_width_mm = 25.0
+profile_shift = [0.2, 0.1]
+tool_addendum = [1.25, 1.25]
+tool_dedendum = [1.0, 1.0]
+tip_radius_mm = [0.1, 0.1]
+root_radius_mm = [0.6, 0.6]
+tooth_model = "weber-banaschek"
+[load]
+pinion_torque_nm = 100.0
+[material]
+youngs_modulus_gpa = 206.0
+poisson_ratio = 0.3
+contact_limit_mpa = 1500.0
+"#;
+
+    const LOADED: Loaded = Loaded {
+        delta_ste_um: 1.0,
+        worn_um: Some(1.5),
+        pressure_mpa: 900.0,
+    };
+
+    fn of(text: &str, loaded: &Loaded) -> Vec<String> {
+        let file = PairFile::parse("p.toml", text).unwrap();
+        let grid = gear::Discretisation::of(file.pair.tooth_model);
+        let pair = Pair::with_corrections(&file.to_gear(), &file.corrections(), &grid).unwrap();
+        doubts(&pair, loaded)
+    }
+
+    #[test]
+    fn each_doubt_names_what_is_strange_and_a_sound_pair_has_none() {
+        assert_eq!(of(PAIR, &LOADED), [""; 0]);
+        let with = |from: &str, to: &str| {
+            assert!(PAIR.contains(from), "{from}");
+            of(&PAIR.replace(from, to), &LOADED)
+        };
+        // ε_β = b sin β/(π m) is 1 at 18.371 mm.
+        let long =
+            "100.0\n[corrections]\ntip_relief_um = [5.0, 5.0]\ntip_relief_length_mm = [5.0, 2.0]";
+        for (found, part) in [
+            (with("mm = 25.0", "mm = 18.4"), "overlap ratio ε_β is 1.002"),
+            (with("mm = 25.0", "mm = 3.0"), "b/m_n is 1.50"),
+            (
+                with("nm = 100.0", &format!("nm = {long}")),
+                "tip relief of the pinion covers",
+            ),
+            (
+                with("nm = 100.0", "nm = 0.1"),
+                "F_t/b is 0.163 N/mm, below 1: load.pinion_torque_nm is in N·m, here 0.1",
+            ),
+            (
+                with("nm = 100.0", "nm = 2000.0"),
+                "F_t/b is 3268 N/mm, above 3000",
+            ),
+            (with("gpa = 206.0", "gpa = 0.206"), "modulus is 0.206 GPa"),
+            (with("gpa = 206.0", "gpa = 600.0"), "modulus is 600 GPa"),
+        ] {
+            assert_eq!(found.len(), 1, "{part}: {found:?}");
+            assert!(found[0].contains(part), "{part}: {found:?}");
+        }
+        for (loaded, part) in [
+            (
+                Loaded {
+                    pressure_mpa: 4e3,
+                    ..LOADED
+                },
+                "contact pressure is 4000 MPa",
+            ),
+            (
+                Loaded {
+                    delta_ste_um: 300.0,
+                    worn_um: None,
+                    ..LOADED
+                },
+                "ΔSTE is 300 µm",
+            ),
+            (
+                Loaded {
+                    delta_ste_um: 1e-9,
+                    ..LOADED
+                },
+                "outside 0.001 to 100 µm",
+            ),
+            (
+                Loaded {
+                    delta_ste_um: 2.0,
+                    ..LOADED
+                },
+                "louder when new: ΔSTE is 2.00 µm new and 1.50 µm",
+            ),
+        ] {
+            let found = of(PAIR, &loaded);
+            assert_eq!(found.len(), 1, "{part}: {found:?}");
+            assert!(found[0].contains(part), "{part}: {found:?}");
+        }
+        // The file's own warning speaks of a modulus in MPa.
+        assert_eq!(with("gpa = 206.0", "gpa = 206000.0"), [""; 0]);
+    }
+}

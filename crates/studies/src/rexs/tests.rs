@@ -1,0 +1,156 @@
+use gear::{Discretisation, UnloadedPair};
+use roxmltree::{Document, Node};
+
+use super::*;
+
+/// Attributes with their units and relations of the components that are written, from `rexs_schema_1.5.xml` in the
+/// repository `fva-net/rexs-api-java` (Apache-2.0).
+const ATTRIBUTES: &str = include_str!("schema_1.5.csv");
+const RELATIONS: &str = include_str!("relations_1.5.csv");
+
+const PAIR: &str = r#"[pair]
+teeth = [23, 37]
+normal_module_mm = 2.0
+pressure_angle_deg = 20.0
+helix_angle_deg = 15.0
+face_width_mm = 25.0
+profile_shift = [0.2, 0.1]
+tool_addendum = [1.25, 1.25]
+tool_dedendum = [1.0, 1.0]
+tip_radius_mm = [0.1, 0.1]
+root_radius_mm = [0.6, 0.6]
+hub_radius_mm = [12.0, 20.0]
+[load]
+pinion_torque_nm = 100.0
+[material]
+name = "16MnCr5"
+[manufacture]
+flank_class = 6
+[corrections]
+tip_relief_um = [6.0, 0.0]
+tip_relief_length_mm = [2.0, 0.0]
+tip_relief_shape = "parabolic"
+crowning_um = 4.0
+helix_slope_um = -3.0
+"#;
+
+fn written() -> (PairFile, UnloadedPair, String) {
+    let file = PairFile::parse("p.toml", PAIR).unwrap();
+    let grid = Discretisation::of(file.pair.tooth_model);
+    let pair = UnloadedPair::new(&file.to_gear(), &file.corrections(), &grid).unwrap();
+    let xml = write("A & B <1>", "1.2.3", &file, &pair);
+    (file, pair, xml)
+}
+
+fn named<'a, 'input>(node: Node<'a, 'input>, name: &'a str) -> Vec<Node<'a, 'input>> {
+    node.descendants()
+        .filter(|node| node.has_tag_name(name))
+        .collect()
+}
+
+/// Every component, attribute, unit and combination in a relation is one of REXS 1.5, and every reference has a component.
+#[test]
+fn a_written_pair_keeps_the_schema() {
+    let (_, _, xml) = written();
+    let document = Document::parse(&xml).unwrap();
+    let root = document.root_element();
+    for required in ["version", "applicationId", "applicationVersion", "date"] {
+        assert!(root.attribute(required).is_some(), "{required}");
+    }
+    let kind = |id: &str| {
+        let components = root.children().find(|node| node.has_tag_name("components"));
+        let mut components = components.unwrap().children();
+        let found = components.find(|node| node.attribute("id") == Some(id));
+        found.unwrap().attribute("type").unwrap()
+    };
+    let mut attributes = 0;
+    for component in named(root, "component") {
+        let of = component.attribute("type").unwrap();
+        assert_eq!(of, kind(component.attribute("id").unwrap()));
+        assert!(
+            ATTRIBUTES
+                .lines()
+                .any(|line| line.split(',').next() == Some(of)),
+            "{of}"
+        );
+        for attribute in named(component, "attribute") {
+            let [id, unit] = ["id", "unit"].map(|name| attribute.attribute(name).unwrap());
+            let line = format!("{of},{id},{unit}");
+            let known = ATTRIBUTES.lines().any(|one| one == line);
+            assert!(known || id.starts_with("custom_pitchline_"), "{line}");
+            attributes += 1;
+        }
+    }
+    assert!(attributes > 75, "{attributes}");
+    for relation in named(root, "relation") {
+        let members = named(relation, "ref").into_iter().map(|one| {
+            let of = kind(one.attribute("id").unwrap());
+            assert_eq!(one.attribute("hint"), Some(of));
+            format!("{}={of}", one.attribute("role").unwrap())
+        });
+        let members: Vec<String> = members.collect();
+        let line = format!(
+            "{},{}",
+            relation.attribute("type").unwrap(),
+            members.join(" ")
+        );
+        assert!(RELATIONS.lines().any(|one| one == line), "{line}");
+    }
+}
+
+#[test]
+fn a_written_pair_has_the_file_s_values() {
+    let (file, pair, xml) = written();
+    let document = Document::parse(&xml).unwrap();
+    let root = document.root_element();
+    let values = |kind: &str, id: &str| -> Vec<String> {
+        let components = named(root, "component").into_iter();
+        let components = components.filter(|node| node.attribute("type") == Some(kind));
+        let all = components.flat_map(|component| named(component, "attribute"));
+        let all = all.filter(|attribute| attribute.attribute("id") == Some(id));
+        all.map(|attribute| attribute.text().unwrap().to_owned())
+            .collect()
+    };
+    for (kind, id, expected) in [
+        ("cylindrical_gear", "number_of_teeth", &["23", "37"][..]),
+        (
+            "cylindrical_gear",
+            "helix_angle_reference_diameter",
+            &["15", "-15"],
+        ),
+        ("cylindrical_gear", "inner_diameter", &["24", "40"]),
+        (
+            "cylindrical_gear",
+            "tolerance_class_according_to_iso_1328_2013",
+            &["6", "6"],
+        ),
+        (
+            "cylindrical_gear_flank",
+            "addendum_modification_coefficient",
+            &["0.2", "0.2", "0.1", "0.1"],
+        ),
+        (
+            "rack_shaped_tool",
+            "addendum_coefficient_reference_profile",
+            &["1.25", "1.25"],
+        ),
+        ("rack_shaped_tool", "tip_radius_factor", &["0.3", "0.3"]),
+        ("tip_relief", "tip_relief_depth", &["0.006"]),
+        ("tip_relief", "shape_of_relief", &["parabolic"]),
+        (
+            "helix_crowning",
+            "helix_crowning_amount_datum_face",
+            &["0.004"],
+        ),
+        ("cylindrical_stage_gear_data", "torque", &["100"]),
+        ("material", "material_designation", &["16MnCr5"]),
+    ] {
+        assert_eq!(values(kind, id), expected, "{kind} {id}");
+    }
+    let a: f64 = values("cylindrical_stage", "center_distance")[0]
+        .parse()
+        .unwrap();
+    assert_eq!(a, pair.geometry().centre_distance);
+    assert_eq!(file.load.pinion_torque_nm, 100.0);
+    assert!(xml.contains("name=\"A &amp; B &lt;1&gt;\""));
+}
