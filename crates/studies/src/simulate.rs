@@ -9,10 +9,12 @@ use results::sheet::{self, Loaded, Section};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
 
+mod cases;
 mod exchange;
 mod page;
 mod text;
 
+use cases::CaseFigures;
 pub use page::{Subject, write_page};
 pub use text::describe;
 
@@ -108,6 +110,9 @@ pub struct Figures {
     /// The 95 % interval of the percentile; absent if the samples are too few for one.
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_interval_um: Option<[f64; 2]>,
+    /// The pair in each of the file's load cases.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    cases: Vec<CaseFigures>,
 }
 
 /// The scatter of manufacture in the samples: slopes, and nothing else. Each deviation lies within ± its
@@ -353,6 +358,7 @@ fn figures(
         samples_um: samples,
         mean_um: moments.map(|(mean, _)| mean),
         sd_um: moments.map(|(_, sd)| sd),
+        cases: CaseFigures::of(pair, file, request)?,
         p90_um: percentile.map(|percentile| percentile.value),
         p90_interval_um: percentile
             .and_then(|percentile| percentile.interval.map(<[f64; 2]>::from)),

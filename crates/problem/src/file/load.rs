@@ -80,7 +80,8 @@ impl Load {
     }
 
     /// The names of the cases.
-    pub(crate) fn case_names(&self) -> Vec<String> {
+    #[must_use]
+    pub fn case_names(&self) -> Vec<String> {
         let named = (1..).zip(&self.cases);
         let name = |(number, case): (usize, &LoadCase)| {
             let number = || format!("case_{number}");

@@ -246,10 +246,7 @@ fn page(
         warnings: simulation.warnings.clone(),
         sheet: figures.sheet.clone(),
         constraints: simulation.constraints.clone(),
-        figures: text::rows(figures, simulation.wear)
-            .into_iter()
-            .map(|(name, value)| (name.to_owned(), value))
-            .collect(),
+        figures: text::rows(figures, simulation.wear),
         drawing: report::drawing(pair),
         ste: curves.ste.clone(),
         torque: curves.torque.clone(),

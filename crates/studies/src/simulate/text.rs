@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use problem::formulation::Constraint;
 use results::sheet;
 
+use super::cases::CaseFigures;
 use super::{Figures, Simulation, WearChoice};
 
 /// The simulation as text.
@@ -24,7 +25,7 @@ pub fn describe(simulation: &Simulation) -> String {
 
 /// The figures that are not in the data sheet, with their names and units, in the order in which they are shown; `wear` is
 /// that of the analysis.
-pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, String)> {
+pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)> {
     let mut rows = Vec::new();
     let [pressure, delta_ste] = match wear {
         WearChoice::None => ["contact pressure, unworn", "ΔSTE, unworn"],
@@ -33,7 +34,7 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, St
         }
     };
     let pair = |values: [f64; 2]| format!("{:.4}, {:.4}", values[0], values[1]);
-    let mut line = |name: &'static str, value: String| rows.push((name, value));
+    let mut line = |name: &str, value: String| rows.push((name.to_owned(), value));
     line(
         "largest specific sliding",
         format!("{:.4}", figures.specific_sliding.max),
@@ -118,6 +119,7 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(&'static str, St
             format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4}{interval} µm"),
         );
     }
+    rows.extend(figures.cases.iter().map(CaseFigures::row));
     rows
 }
 
