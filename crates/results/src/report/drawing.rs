@@ -13,7 +13,7 @@ use crate::snapshot::Snapshot;
 const OUTLINE_POINTS: usize = 24;
 
 /// Parts of a flank along the path of contact and across the face in the contact pattern.
-const PATTERN_PARTS: [usize; 2] = [30, 20];
+const PATTERN_PARTS: [usize; 2] = [90, 60];
 
 /// Drawings and curves of a pair.
 #[derive(Debug, Clone, PartialEq)]
@@ -108,6 +108,8 @@ pub struct ContactPattern {
     pub across_mm: Vec<f64>,
     /// Pressure when the line of contact passes, MPa: a row for each place on the path.
     pub pressure_mpa: Vec<Vec<f64>>,
+    /// The greatest pressure of the pair, MPa, as its constraint states it.
+    pub peak_mpa: f64,
     /// The lines of contact at one moment: place across the face and place on the path of both ends.
     pub lines: Vec<[[f64; 2]; 2]>,
 }
@@ -202,8 +204,13 @@ pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
     let lines = (0..).map(|k| start + (f64::from(k) + 0.5) * geometry.base_pitch);
     let lines = lines.take_while(|s| *s < end + width * slope);
     let from_pitch = |s: f64| s - geometry.s_pitch;
+    let analysis = match wear {
+        Some(wear) => pair.archard(wear).analysis,
+        None => pair.unworn(),
+    };
     ContactPattern {
         is_worn: wear.is_some(),
+        peak_mpa: analysis.hertz_pressure_mpa,
         pressure_mpa: pressure_mpa.collect(),
         place_mm: along.iter().copied().map(from_pitch).collect(),
         across_mm: middles(0.0, width, PATTERN_PARTS[1]),

@@ -64,7 +64,7 @@ pub fn gears(drawing: &GearDrawing) -> Result<Picture, Error> {
         }
         canvas.area(
             &place_all(&clip_polygon(&area, &view)),
-            &format!("body f{i}"),
+            &format!("body s{i}"),
         );
     }
     let circles = |radius: fn(&GearOutline) -> Option<f64>| {

@@ -1,11 +1,11 @@
 //! Lines over evaluations and over the mesh phase.
 
-use super::{HALF, axis, draw, same_length};
+use super::{HALF, draw, same_length};
 use crate::number;
 use crate::report::drawing::SteCurves;
 use crate::report::error::Error;
 use crate::report::runs::OptimiserRun;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// Dash patterns, so that lines differ by more than colour.
 const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
@@ -59,8 +59,8 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     series.extend(rings);
     let chart = Chart {
         title: title.to_owned(),
-        x: axis("evaluations", Scale::Linear),
-        y: axis("best penalised objective", scale),
+        x: Axis::new("evaluations", Scale::Log),
+        y: Axis::new("best penalised objective", scale),
         series,
         size: HALF,
     };
@@ -82,7 +82,7 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
         "with Archard’s wear",
         "the worn STE curve",
         &curves.worn_um,
-        Mark::Curve("8 3"),
+        Mark::Smooth("8 3"),
         1,
         curves.delta_um[1],
     );
@@ -90,7 +90,7 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
         "unworn",
         "the unworn STE curve",
         &curves.unworn_um,
-        Mark::Curve(""),
+        Mark::Smooth(""),
         0,
         curves.delta_um[0],
     );
@@ -119,8 +119,8 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
     }
     let chart = Chart {
         title: "Static transmission error over one mesh period".to_owned(),
-        x: axis("mesh phase (periods)", Scale::Linear),
-        y: axis("STE about its mean (µm)", Scale::Linear),
+        x: Axis::new("mesh phase (periods)", Scale::Linear),
+        y: Axis::new("STE about its mean (µm)", Scale::Linear),
         series,
         size: HALF,
     };
@@ -155,7 +155,7 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
         let points: Vec<[f64; 2]> = points.collect();
         series.extend(points.iter().map(|&[x, y]| Series {
             name: None,
-            mark: Mark::Guide,
+            mark: Mark::Curve(""),
             colour,
             points: vec![[x, 0.0], [x, y]],
         }));
@@ -168,8 +168,8 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
     }
     let chart = Chart {
         title: "Spectrum of the static transmission error".to_owned(),
-        x: axis("mesh order", Scale::Whole),
-        y: axis("amplitude (µm)", Scale::Linear),
+        x: Axis::new("mesh order", Scale::Whole),
+        y: Axis::new("amplitude (µm)", Scale::Linear),
         series,
         size: HALF,
     };
