@@ -92,8 +92,8 @@ pub fn with_unit(value: f64, digits: usize, unit: &str) -> String {
 }
 
 /// Values with their units in a column: those of the same unit have the same decimals, so that the largest has `digits`
-/// significant digits, less zeros at the end of all. A value that is zero within 10⁻⁹ of the largest is shown as zero,
-/// and another one that would vanish has three significant digits.
+/// significant digits, less zeros at the end of all. A value that is zero within 10⁻⁹ of the largest is shown as 0, and
+/// another one that would vanish has three significant digits.
 #[must_use]
 pub fn column(values: &[(f64, &str)], digits: usize) -> Vec<String> {
     let largest = |unit: &str| {
@@ -104,8 +104,12 @@ pub fn column(values: &[(f64, &str)], digits: usize) -> Vec<String> {
     let is_zero = |text: &str| !text.bytes().any(|b| (b'1'..=b'9').contains(&b));
     let aligned = |value: f64, unit: &str, decimals: usize| {
         let text = fixed(value, decimals);
-        let vanishes = is_zero(&text) && value.abs() > 1e-9 * largest(unit);
-        if vanishes { None } else { Some(text) }
+        let negligible = value.abs() <= 1e-9 * largest(unit);
+        match is_zero(&text) && value.is_finite() {
+            true if negligible => Some("0".to_owned()),
+            true => None,
+            false => Some(text),
+        }
     };
     let decimals = |unit: &str| {
         let most = largest(unit);
@@ -310,7 +314,7 @@ mod tests {
             (-0.033, "mm"),
             (1306.4, "MPa"),
         ];
-        let expected = ["0.000 mm", "0.450 mm", "−0.033 mm", "1306.4 MPa"];
+        let expected = ["0 mm", "0.450 mm", "−0.033 mm", "1306.4 MPa"];
         assert_eq!(shown(&margins), expected);
         // What is not zero does not vanish.
         assert_eq!(shown(&[(250.0, ""), (1.2e-4, "")]), ["250", "0.000120"]);

@@ -14,6 +14,8 @@ const OUTLINE_POINTS: usize = 24;
 
 /// Parts of a flank along the path of contact and across the face in the contact pattern.
 const PATTERN_PARTS: [usize; 2] = [90, 60];
+/// Parts of the face between whose middles the pattern is linear; the model's slices are not much narrower.
+const FACE_PARTS: usize = 20;
 
 /// Drawings and curves of a pair.
 #[derive(Debug, Clone, PartialEq)]
@@ -192,12 +194,18 @@ pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
     };
     let along = middles(start, end, PATTERN_PARTS[0]);
     let path = pair.path();
-    let rows = pair.contact_pattern(wear, PATTERN_PARTS[1]);
+    let across = middles(0.0, width, PATTERN_PARTS[1]);
+    let columns = middles(0.0, width, FACE_PARTS);
+    let rows = pair.contact_pattern(wear, FACE_PARTS);
     let pressure_mpa = along.iter().map(|s| {
-        let k = path.partition_point(|at| at < s).clamp(1, path.len() - 1);
-        let share = (s - path[k - 1]) / (path[k] - path[k - 1]);
+        let (k, share) = place(path, *s);
         let both = rows[k - 1].iter().zip(&rows[k]);
-        both.map(|(a, b)| a + share * (b - a)).collect()
+        let row: Vec<f64> = both.map(|(a, b)| a + share * (b - a)).collect();
+        let at = |z: &f64| {
+            let (k, share) = place(&columns, *z);
+            row[k - 1] + share * (row[k] - row[k - 1])
+        };
+        across.iter().map(at).collect()
     });
     // The line of a pair of teeth ends at s on the near side of the face and farther back on the far side.
     let slope = geometry.beta_b.tan();
@@ -212,12 +220,21 @@ pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
         is_worn: wear.is_some(),
         peak_mpa: analysis.hertz_pressure_mpa,
         pressure_mpa: pressure_mpa.collect(),
+        across_mm: across.clone(),
         place_mm: along.iter().copied().map(from_pitch).collect(),
-        across_mm: middles(0.0, width, PATTERN_PARTS[1]),
         lines: lines
             .map(|s| [[0.0, from_pitch(s)], [width, from_pitch(s - width * slope)]])
             .collect(),
     }
+}
+
+/// The number of the place after `at`, and the share of the way to it from the place before; beyond the ends, 0 or 1.
+fn place(places: &[f64], at: f64) -> (usize, f64) {
+    let after = places
+        .partition_point(|place| *place < at)
+        .clamp(1, places.len() - 1);
+    let share = (at - places[after - 1]) / (places[after] - places[after - 1]);
+    (after, share.clamp(0.0, 1.0))
 }
 
 /// The transmission error of a pair over one mesh period, unworn and with the mean wear, for

@@ -44,8 +44,31 @@ pub fn response_name(problem: &Problem) -> String {
 
 /// The numbers of a list with their units, to a common precision.
 pub(crate) fn values(list: &[NamedValue]) -> Vec<String> {
-    let list: Vec<(f64, &str)> = list.iter().map(|one| (one.value, &*one.unit)).collect();
-    column(&list, 5)
+    // The name may contain the unit: `ρa₁ (mm)`.
+    let in_name = |one: &NamedValue| one.name.rfind(" (").map(|at| one.name[at..].to_owned());
+    let kind = |one: &NamedValue| match in_name(one) {
+        Some(unit) if one.unit.is_empty() => unit,
+        _ => one.unit.clone(),
+    };
+    let kinds: Vec<String> = list.iter().map(kind).collect();
+    let numbers = list
+        .iter()
+        .zip(&kinds)
+        .map(|(one, kind)| (one.value, &**kind));
+    let texts = column(&numbers.collect::<Vec<_>>(), 5)
+        .into_iter()
+        .zip(list);
+    texts
+        .map(|(text, one)| match one.unit.is_empty() {
+            true => text
+                .split(" (")
+                .next()
+                .unwrap_or_default()
+                .trim_end()
+                .to_owned(),
+            false => text,
+        })
+        .collect()
 }
 
 /// Value, limit and margin of each constraint with their units, to a common precision.

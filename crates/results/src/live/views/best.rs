@@ -147,7 +147,7 @@ fn of_design(
         low,
         high,
         samples: measure.n as u64,
-        variable_texts: values(&variables),
+        variable_texts: values(&report::variables(problem, &found.design)),
         variables,
         constraint_texts: limits(&constraints),
         constraints,

@@ -14,6 +14,9 @@ const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
 /// design that cannot be simulated counts 100, an optimum about one.
 const LOG_FROM_RATIO: f64 = 8.0;
 
+/// The vertical axis ends at the highest value of a start after this part of its evaluations.
+const CUT: f64 = 50.0;
+
 /// Best penalised objective (no unit, Equation (5)) against evaluations, one line per start.
 ///
 /// # Errors
@@ -48,10 +51,16 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     if let Some(ring) = rings.iter_mut().find(|ring| !ring.points.is_empty()) {
         ring.name = Some("restart".to_owned());
     }
+    // The first evaluations are many times as high as the rest, in which the descent is to be seen.
     let values = || series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let least = values().fold(f64::INFINITY, f64::min);
-    let greatest = values().fold(f64::NEG_INFINITY, f64::max);
-    let scale = if least > 0.0 && greatest / least > LOG_FROM_RATIO {
+    let early = series.iter().filter_map(|s| {
+        let last = s.points.last()?;
+        value_at(&s.points, last[0] / CUT).map(|p| p[1])
+    });
+    let top = early.fold(f64::NEG_INFINITY, f64::max);
+    let shown = (top - least > 1e-6 * least.abs()).then_some((least, top));
+    let scale = if least > 0.0 && top / least > LOG_FROM_RATIO {
         Scale::Log
     } else {
         Scale::Linear
@@ -60,7 +69,10 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     let chart = Chart {
         title: title.to_owned(),
         x: Axis::new("evaluations", Scale::Log),
-        y: Axis::new("best penalised objective", scale),
+        y: Axis {
+            range: shown,
+            ..Axis::new("best penalised objective", scale)
+        },
         series,
         size: HALF,
     };

@@ -35,6 +35,7 @@ pub fn responses(
     };
     let points: Vec<[f64; 2]> = drawable_pairs(doe.iter().map(|p| [x.of(p), y.of(p)]), scale);
     let marked: Vec<[f64; 2]> = recommended
+        .filter(|_| !points.is_empty())
         .map(|p| [x.of(p), y.of(p)])
         .into_iter()
         .collect();

@@ -100,13 +100,13 @@ impl Ruler {
     /// Ticks with the gap that their labels need: those of decades from dense to sparse, then even ones.
     fn candidates(&self) -> impl Iterator<Item = (Vec<Tick>, f64)> {
         let is_log = self.scale == Scale::Log;
-        let decades = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0]]
-            .map(|mantissas| (mantissas, 1))
-            .into_iter()
-            .chain([1, 2, 3, 4, 5, 10, 20, 50, 100].map(|every| (&[1.0][..], every)));
+        let dense = (&[1.0, 2.0, 3.0, 5.0, 7.0][..], 1, WIDE);
+        let usual = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0]].map(|mantissas| (mantissas, 1, NARROW));
+        let sparse = [1, 2, 3, 4, 5, 10, 20, 50, 100].map(|every| (&[1.0][..], every, NARROW));
+        let decades = [dense].into_iter().chain(usual).chain(sparse);
         let decades = decades
             .filter(move |_| is_log)
-            .map(|(mantissas, every)| (self.decades(mantissas, every), NARROW));
+            .map(|(mantissas, every, gap)| (self.decades(mantissas, every), gap));
         let span = self.high - self.low;
         let power = span.log10().floor() as i32 - 2;
         let steps = (power..power + 4).flat_map(|e| [1.0, 2.0, 2.5, 5.0].map(|m| (m, e)));

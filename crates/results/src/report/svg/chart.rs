@@ -302,7 +302,7 @@ fn legend(canvas: &mut Canvas, shown: &[Shown<'_>], width: f64) -> f64 {
         let bar = last.filter(|_| is_cells(&group[0]));
         let entry = match bar {
             None => SAMPLE + 5.0 + text_width(name),
-            Some(last) => text_width(name) + 6.0 * SHADES as f64 + 12.0 + text_width(last),
+            Some(last) => text_width(name) + 6.0 * SHADES as f64 + 16.0 + text_width(last),
         };
         if any && at[0] + entry > width - MARGIN {
             at = [MARGIN, at[1] + LINE];
@@ -312,7 +312,7 @@ fn legend(canvas: &mut Canvas, shown: &[Shown<'_>], width: f64) -> f64 {
         let end = at[0] + SAMPLE;
         if let Some(last) = bar {
             canvas.label(at, name);
-            let mut left = at[0] + text_width(name) + 6.0;
+            let mut left = at[0] + text_width(name) + 10.0;
             for shade in 0..SHADES {
                 let class = Mark::Cells.class(shade);
                 canvas.rect([left, y - 6.0], [left + 6.0, y + 5.0], &class);

@@ -241,8 +241,8 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
     let extent = |v: &[f64]| {
         v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min)
     };
-    // 460 px show 2 · 0.26 · 100 mm; coordinates are rounded to a tenth of a pixel.
-    let expected = 8.0 * 460.0 / 52.0;
+    // 460 px show 2 · 0.17 · 100 mm; coordinates are rounded to a tenth of a pixel.
+    let expected = 8.0 * 460.0 / 34.0;
     assert!((extent(&x) - expected).abs() < 0.21, "{}", extent(&x));
     assert!((extent(&y) - expected).abs() < 0.21, "{}", extent(&y));
     assert_eq!(element_count(&svg, "svg"), 1);
@@ -294,7 +294,7 @@ fn a_contact_pattern_leaves_blank_what_carries_no_load() {
             .split(|c: char| !(c.is_ascii_digit() || c == '.'))
             .filter_map(|number| number.parse().ok())
             .collect();
-        (ends[2] - ends[0]) * (ends[3] - ends[1])
+        ((ends[2] - ends[0]) * (ends[3] - ends[1])).abs()
     });
     let covered: f64 = areas.sum();
     let frame = svg.split("class=\"frame\"").nth(1).unwrap();
