@@ -29,7 +29,8 @@ const short = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 4 });
 function number(value) {
   if (value === null || value === undefined) return "–";
   const size = Math.abs(value);
-  return size !== 0 && (size < 1e-4 || size >= 1e9) ? value.toExponential(3) : short.format(value);
+  const text = size !== 0 && (size < 1e-4 || size >= 1e9) ? value.toExponential(3) : short.format(value);
+  return text.replaceAll("-", "−");
 }
 
 function withUnit(value, unit) {
@@ -183,6 +184,13 @@ function speak(status, about) {
   say(at("spoken"), `${stageName(status)}. ${done}${rest}`);
 }
 
+function workerState(worker) {
+  if (worker.is_suspended) return "suspended after failures";
+  if (isFinished) return "finished";
+  if (worker.silent_seconds > 15) return "silent";
+  return worker.leased > 0 ? "working" : "waiting";
+}
+
 function showWorkers(view) {
   at("workers-box").hidden = view.workers.length === 0;
   say(at("workers-note"), !view.running
@@ -196,7 +204,7 @@ function showWorkers(view) {
     [whole.format(worker.completed)],
     [whole.format(worker.failed)],
     [worker.silent_seconds.toFixed(1)],
-    [worker.is_suspended ? "suspended after failures" : worker.silent_seconds > 15 ? "silent" : "working", "text"],
+    [workerState(worker), "text"],
   ]));
 }
 
@@ -220,14 +228,18 @@ function showBest(view) {
   say(at("best-value"), `${view.measure} of ${view.response} = ${withUnit(best.value, view.unit)}` +
     ` (${best.low === null ? "no 95 % interval" : `95 % interval ${number(best.low)} to ${withUnit(best.high, view.unit)}`}, ` +
     `${whole.format(best.samples)} samples): ${best.name}.`);
-  fill(at("variables"), best.variables.map((one) => [[one.name, "", "row"], [withUnit(one.value, one.unit)]]));
+  fill(at("variables"), best.variables.map((one, place) => [[one.name, "", "row"], [best.variable_texts[place]]]));
   at("constraints-box").hidden = best.constraints.length === 0;
-  fill(at("constraints"), best.constraints.map((one) => [
-    [one.name, "", "row"],
-    [withUnit(one.value, one.unit), one.holds ? "" : "mark"],
-    [`${one.relation} ${withUnit(one.limit, one.unit)}`],
-    [one.holds ? "holds" : "▲ broken", one.holds ? "text" : "text mark"],
-  ]));
+  fill(at("constraints"), best.constraints.map((one, place) => {
+    const [value, limit, margin] = best.constraint_texts[place];
+    return [
+      [one.name, "", "row"],
+      [one.holds ? "holds" : "▲ broken", one.holds ? "text" : "text mark"],
+      [margin, one.holds ? "" : "mark"],
+      [value],
+      [`${one.relation} ${limit}`],
+    ];
+  }));
 }
 
 function fetchMap() {

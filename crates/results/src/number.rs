@@ -91,6 +91,50 @@ pub fn with_unit(value: f64, digits: usize, unit: &str) -> String {
         .to_owned()
 }
 
+/// Values with their units in a column: those of the same unit have the same decimals, so that the largest has `digits`
+/// significant digits, less zeros at the end of all. A value that is zero within 10⁻⁹ of the largest is shown as 0, and
+/// another one that would vanish has three significant digits.
+#[must_use]
+pub fn column(values: &[(f64, &str)], digits: usize) -> Vec<String> {
+    let largest = |unit: &str| {
+        let of_unit = values.iter().filter(|one| one.1 == unit);
+        let sizes = of_unit.map(|one| one.0.abs()).filter(|v| v.is_finite());
+        sizes.fold(0.0, f64::max)
+    };
+    let is_zero = |text: &str| !text.bytes().any(|b| (b'1'..=b'9').contains(&b));
+    let aligned = |value: f64, unit: &str, decimals: usize| {
+        let text = fixed(value, decimals);
+        let negligible = value.abs() <= 1e-9 * largest(unit);
+        match is_zero(&text) && value.is_finite() {
+            true if negligible => Some("0".to_owned()),
+            true => None,
+            false => Some(text),
+        }
+    };
+    let decimals = |unit: &str| {
+        let most = largest(unit);
+        // Powers of ten take the place of very large and very small numbers.
+        let exponent = Some(most.log10().floor()).filter(|e| (-4.0..=8.0).contains(e))?;
+        let decimals = (digits as f64 - 1.0 - exponent).max(0.0) as usize;
+        let of_unit = values.iter().filter(|one| one.1 == unit);
+        let texts = of_unit.filter_map(|one| aligned(one.0, unit, decimals));
+        let used = texts.map(|text| {
+            let fraction = text.split_once('.').map_or("", |(_, fraction)| fraction);
+            fraction.trim_end_matches('0').len()
+        });
+        Some(used.max().unwrap_or(0))
+    };
+    let text = |&(value, unit): &(f64, &str)| {
+        let number = match decimals(unit).map(|decimals| aligned(value, unit, decimals)) {
+            Some(Some(text)) => text,
+            Some(None) => significant(value, 3),
+            None => significant(value, digits),
+        };
+        format!("{number} {unit}").trim_end().to_owned()
+    };
+    values.iter().map(text).collect()
+}
+
 /// Significant digits with which both ends of an interval differ from the estimate, at least three.
 #[must_use]
 pub fn digits_of(value: f64, interval: Option<(f64, f64)>) -> usize {
@@ -146,6 +190,16 @@ pub fn seconds(value: f64) -> String {
         fixed(value, 3)
     } else {
         significant(value, 3)
+    }
+}
+
+/// A time of at least a second in seconds, and a shorter one in ms or µs, to three digits.
+#[must_use]
+pub fn short_time(seconds: f64) -> String {
+    match seconds.abs() {
+        s if !(s < 1.0 && s > 0.0) => with_unit(seconds, 3, "s"),
+        s if s >= 1e-3 => with_unit(1e3 * seconds, 3, "ms"),
+        _ => with_unit(1e6 * seconds, 3, "µs"),
     }
 }
 
@@ -249,6 +303,26 @@ mod tests {
     }
 
     #[test]
+    fn a_column_has_one_precision_for_each_unit() {
+        let shown = |values: &[(f64, &str)]| column(values, 5);
+        let design = [(0.000_464_46, ""), (0.52, ""), (1.25, ""), (0.06, "mm")];
+        let expected = ["0.0005", "0.5200", "1.2500", "0.06 mm"];
+        assert_eq!(shown(&design), expected);
+        let margins = [
+            (3.268e-13, "mm"),
+            (0.45, "mm"),
+            (-0.033, "mm"),
+            (1306.4, "MPa"),
+        ];
+        let expected = ["0 mm", "0.450 mm", "−0.033 mm", "1306.4 MPa"];
+        assert_eq!(shown(&margins), expected);
+        // What is not zero does not vanish.
+        assert_eq!(shown(&[(250.0, ""), (1.2e-4, "")]), ["250", "0.000120"]);
+        assert_eq!(shown(&[(0.0, ""), (f64::NAN, "")]), ["0", MISSING]);
+        assert_eq!(shown(&[(2e12, "Pa")]), ["2.0000 × 10¹² Pa"]);
+    }
+
+    #[test]
     fn rounding_keeps_significant_digits() {
         assert_eq!(rounded(123.456_78, 6), 123.457);
         assert_eq!(rounded(-0.000_123_456_78, 6), -0.000_123_457);
@@ -266,6 +340,9 @@ mod tests {
         assert_eq!(count(1_234_567), "1\u{202f}234\u{202f}567");
         assert_eq!(seconds(0.0214), "0.021");
         assert_eq!(seconds(1234.5), "1234");
+        assert_eq!(short_time(8.6e-6), "8.60 µs");
+        assert_eq!(short_time(0.25), "250 ms");
+        assert_eq!(short_time(f64::NAN), "– s");
     }
 
     #[test]

@@ -19,7 +19,7 @@ use problem::task::VERIFICATION;
 use problem::{Campaign, Design};
 use rayon::prelude::*;
 use results::number::fixed;
-use results::report::write_file;
+use results::report::{charts, symbol, write_file};
 use results::row;
 use results::table::{Column, Table};
 use stats::streams::{Purpose, stream};
@@ -300,7 +300,7 @@ fn analyse(
     })
 }
 
-/// Writes `scenarios.csv`, `indices.csv` and `sensitivity.md` into `out`; returns what it wrote.
+/// Writes `scenarios.csv`, `indices.csv`, `sensitivity.md` and a chart for each output into `out`; returns what it wrote.
 ///
 /// # Errors
 ///
@@ -348,7 +348,7 @@ pub fn write_tables(
         tolerances.modules,
         100.0 * tolerances.scenario
     );
-    for one in indices {
+    for (one, chart) in indices.iter().zip(["sensitivity", "sensitivity-of-a-pair"]) {
         let found = &one.sensitivity;
         let mut shown = PageTable::new(["input", "first-order index", "total index"]);
         let index = |i: &SensitivityIndex| {
@@ -373,6 +373,10 @@ pub fn write_tables(
             );
         }
         page += &format!(".\n\n{}", shown.markdown());
+        let inputs: Vec<String> = one.inputs.iter().map(|input| symbol(input)).collect();
+        let drawn = charts::indices(&one.output, &inputs, &found.first, &found.total)?;
+        write_file(out, &format!("{chart}.svg"), drawn.standalone())?;
+        page += &format!("\n![Indices of {}]({chart}.svg)\n", one.output);
     }
     write_file(out, "sensitivity.md", &page)?;
     Ok(Document {

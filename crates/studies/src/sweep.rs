@@ -352,17 +352,23 @@ fn all_figures(campaign: &Campaign, outcomes: &[Outcome]) -> Table {
 }
 
 fn lines(outcomes: &[Outcome]) -> Vec<PercentileSeries> {
-    approaches(outcomes)
-        .into_iter()
-        .map(|approach| PercentileSeries {
+    let line = |approach: Approach| {
+        let of_approach = outcomes.iter().filter(|one| one.approach() == approach);
+        let mut line = PercentileSeries {
             name: approach.name().to_owned(),
-            points: outcomes
-                .iter()
-                .filter(|outcome| outcome.approach() == approach)
-                .filter_map(|outcome| Some((f64::from(outcome.teeth[0]), outcome.p90()?)))
-                .collect(),
-        })
-        .collect()
+            points: Vec::new(),
+            infeasible: Vec::new(),
+        };
+        for outcome in of_approach {
+            let teeth = f64::from(outcome.teeth[0]);
+            match outcome.p90() {
+                Some(p90) => line.points.push((teeth, p90)),
+                None => line.infeasible.push(teeth),
+            }
+        }
+        line
+    };
+    approaches(outcomes).into_iter().map(line).collect()
 }
 
 #[cfg(test)]
@@ -446,10 +452,14 @@ mod tests {
         let all = all_figures(problem.campaign(), &outcomes);
         assert_eq!(all.rows.len(), 4);
         assert!(all.csv().is_ok(), "every row is complete");
-        let drawn: Vec<usize> = lines(&outcomes)
-            .iter()
-            .map(|line| line.points.len())
+        let drawn: Vec<_> = lines(&outcomes)
+            .into_iter()
+            .map(|line| (line.points.len(), line.infeasible))
             .collect();
-        assert_eq!(drawn, [0, 1]);
+        assert_eq!(drawn, [(0, vec![19.0, 20.0]), (1, vec![19.0])]);
+        let chart = charts::teeth("P90", &lines(&outcomes))
+            .unwrap()
+            .standalone();
+        assert!(chart.contains("archard: none feasible"), "{chart}");
     }
 }

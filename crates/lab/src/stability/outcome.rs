@@ -174,11 +174,6 @@ impl Outcome {
     ) {
         // Curves differ in dashes as well as in colour.
         const DASHES: [&str; 5] = ["", "7 3", "2 3", "9 3 2 3", "4 2"];
-        let axis = |(label, scale): (&str, Scale)| Axis {
-            label: label.to_owned(),
-            scale,
-            range: None,
-        };
         let series = (0..).zip(curves).map(|(colour, (name, points))| Series {
             name: Some(name.to_owned()),
             mark: Mark::Curve(DASHES[colour % DASHES.len()]),
@@ -187,8 +182,8 @@ impl Outcome {
         });
         self.charts.push(Chart {
             title: title.to_owned(),
-            x: axis(x),
-            y: axis(y),
+            x: Axis::new(x.0, x.1),
+            y: Axis::new(y.0, y.1),
             series: series.collect(),
             size: [480.0, 340.0],
         });

@@ -1,5 +1,6 @@
 //! A view of one cost against one error: a chart and a recommendation.
 
+use results::number::short_time;
 use results::report::charts::{TradeoffChart, TradeoffSeries};
 
 use crate::tradeoff::front::{Reason, Rule, front, recommend};
@@ -56,10 +57,14 @@ impl<'a> View<'a> {
         let Some((place, reason)) = recommend(&points, self.pair.rule) else {
             return "There are no measurements.".to_owned();
         };
-        let [cost, error] = [self.pair.cost, self.pair.error].map(|i| &self.table.columns[i]);
+        let columns = [self.pair.cost, self.pair.error].map(|i| &*self.table.columns[i]);
+        let [(cost, _), (error, error_unit)] = columns.map(name_and_unit);
         let why = match (reason, self.pair.rule) {
             (Reason::CheapestWithin(limit), Rule::Within(_)) => {
-                format!("the cheapest whose {error} is at most {}", short(limit))
+                format!(
+                    "the cheapest whose {error} is at most {}",
+                    amount(limit, error_unit)
+                )
             }
             (Reason::CheapestWithin(_), Rule::NearBest(share)) => format!(
                 "the cheapest whose {error} is within {} % of the least measured",
@@ -67,23 +72,25 @@ impl<'a> View<'a> {
             ),
             (Reason::MostAccurate, Rule::Within(limit)) => format!(
                 "the most accurate, since no measured setting has a {error} of at most {}",
-                short(limit)
+                amount(limit, error_unit)
             ),
             (Reason::MostAccurate, Rule::NearBest(_)) => "the most accurate".to_owned(),
         };
+        let amounts = |at: usize| {
+            let units = columns.map(|column| name_and_unit(column).1);
+            [0, 1].map(|i| amount(points[at][i], units[i]))
+        };
         let figures = |at: usize| {
-            let [x, y] = points[at].map(short);
+            let [x, y] = amounts(at);
             format!("{cost} {x}, {error} {y}")
         };
         if self.pair.given {
-            let (row, [x, y]) = (rows[place], points[place].map(short));
+            let (row, [x, y]) = (rows[place], amounts(place));
             let of = format!("{error} {y} ({}, {})", row.method, row.setting);
             return match reason {
                 Reason::CheapestWithin(limit) => {
-                    format!(
-                        "The least {cost} whose {error} is at most {} is {x}, with {of}.",
-                        short(limit)
-                    )
+                    let limit = amount(limit, error_unit);
+                    format!("The least {cost} whose {error} is at most {limit} is {x}, with {of}.")
                 }
                 Reason::MostAccurate => {
                     format!("The least {error} is that of {cost} {x}: {of}. It is above the limit.")
@@ -140,18 +147,38 @@ impl<'a> View<'a> {
                 series[at].points.push(self.point(row));
             }
         }
+        let columns = [self.pair.cost, self.pair.error].map(|i| self.table.columns[i].clone());
+        let [cost, error] = columns;
         let own = rows.iter().zip(&points).filter(|(row, _)| row.is_campaign);
         TradeoffChart {
             file: self.file.clone(),
-            title: self.panel.to_owned(),
-            cost: self.table.columns[self.pair.cost].clone(),
-            error: self.table.columns[self.pair.error].clone(),
+            title: {
+                let [cost, error] = [&cost, &error].map(|column| name_and_unit(column).0);
+                let quantity = error.split(',').next().unwrap_or_default();
+                format!("{}: {quantity} over {cost}", self.panel)
+            },
+            cost,
+            error,
             series,
             front: front(&points).into_iter().map(|i| points[i]).collect(),
             campaign: own.map(|(_, point)| *point).collect(),
             recommended: self.recommended().map(|row| self.point(row)),
             recommendation: self.sentence(),
         }
+    }
+}
+
+/// The name and the unit in a column's head; the unit may be empty.
+fn name_and_unit(column: &str) -> (&str, &str) {
+    let both = column.strip_suffix(')').and_then(|c| c.rsplit_once(" ("));
+    both.unwrap_or((column, ""))
+}
+
+/// A number with its unit; times below a second in ms or µs.
+fn amount(value: f64, unit: &str) -> String {
+    match unit {
+        "s" => short_time(value),
+        _ => format!("{} {unit}", short(value)).trim_end().to_owned(),
     }
 }
 
@@ -213,18 +240,19 @@ mod tests {
         };
         assert_eq!(
             view.sentence(),
-            "Recommended: prefix sums, 16 × 8 (time (µs) 2, error (%) 0.2). It is the cheapest whose error (%) is \
-             at most 0.5. The campaign's is prefix sums, 32 × 16 (time (µs) 4, error (%) 0.1)."
+            "Recommended: prefix sums, 16 × 8 (time 2 µs, error 0.2 %). It is the cheapest whose error is at most \
+             0.5 %. The campaign's is prefix sums, 32 × 16 (time 4 µs, error 0.1 %)."
         );
         let mut given = view.clone();
         given.pair.given = true;
         assert_eq!(
             given.sentence(),
-            "The least time (µs) whose error (%) is at most 0.5 is 2, with error (%) 0.2 (prefix sums, 16 × 8)."
+            "The least time whose error is at most 0.5 % is 2 µs, with error 0.2 % (prefix sums, 16 × 8)."
         );
         assert_eq!(given.recommended(), None);
         let chart = view.chart();
         assert_eq!(chart.series.len(), 1);
+        assert_eq!(chart.title, "a: error over time");
         assert_eq!(chart.front.len(), 3, "rows of another panel do not count");
         assert_eq!(chart.campaign, [[4.0, 0.1]]);
         assert_eq!(chart.recommended, Some([2.0, 0.2]));

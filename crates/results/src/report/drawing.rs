@@ -15,7 +15,9 @@ use crate::snapshot::Snapshot;
 const OUTLINE_POINTS: usize = 24;
 
 /// Parts of a flank along the path of contact and across the face in the contact pattern.
-const PATTERN_PARTS: [usize; 2] = [30, 20];
+const PATTERN_PARTS: [usize; 2] = [90, 60];
+/// Parts of the face between whose middles the pattern is linear; the model's slices are not much narrower.
+const FACE_PARTS: usize = 20;
 
 /// Drawings and curves of a pair.
 #[derive(Debug, Clone, PartialEq)]
@@ -127,6 +129,8 @@ pub struct ContactPattern {
     pub across_mm: Vec<f64>,
     /// Pressure when the line of contact passes, MPa: a row for each place on the path.
     pub pressure_mpa: Vec<Vec<f64>>,
+    /// The greatest pressure of the pair, MPa, as its constraint states it.
+    pub peak_mpa: f64,
     /// The lines of contact at one moment: place across the face and place on the path of both ends.
     pub lines: Vec<[[f64; 2]; 2]>,
 }
@@ -215,23 +219,34 @@ pub fn contact(pair: &gear::Pair, wear: Option<&gear::Wear>) -> ContactPattern {
     };
     let along = middles(start, end, PATTERN_PARTS[0]);
     let path = pair.path();
-    let rows = pair.contact_pattern(wear, PATTERN_PARTS[1]);
+    let across = middles(0.0, width, PATTERN_PARTS[1]);
+    let columns = middles(0.0, width, FACE_PARTS);
+    let rows = pair.contact_pattern(wear, FACE_PARTS);
     let pressure_mpa = along.iter().map(|s| {
-        let k = path.partition_point(|at| at < s).clamp(1, path.len() - 1);
-        let share = (s - path[k - 1]) / (path[k] - path[k - 1]);
+        let (k, share) = place(path, *s);
         let both = rows[k - 1].iter().zip(&rows[k]);
-        both.map(|(a, b)| a + share * (b - a)).collect()
+        let row: Vec<f64> = both.map(|(a, b)| a + share * (b - a)).collect();
+        let at = |z: &f64| {
+            let (k, share) = place(&columns, *z);
+            row[k - 1] + share * (row[k] - row[k - 1])
+        };
+        across.iter().map(at).collect()
     });
     // The line of a pair of teeth ends at s on the near side of the face and farther back on the far side.
     let slope = geometry.beta_b.tan();
     let lines = (0..).map(|k| start + (f64::from(k) + 0.5) * geometry.base_pitch);
     let lines = lines.take_while(|s| *s < end + width * slope);
     let from_pitch = |s: f64| s - geometry.s_pitch;
+    let analysis = match wear {
+        Some(wear) => pair.archard(wear).analysis,
+        None => pair.unworn(),
+    };
     ContactPattern {
         is_worn: wear.is_some(),
+        peak_mpa: analysis.hertz_pressure_mpa,
         pressure_mpa: pressure_mpa.collect(),
+        across_mm: across.clone(),
         place_mm: along.iter().copied().map(from_pitch).collect(),
-        across_mm: middles(0.0, width, PATTERN_PARTS[1]),
         lines: lines
             .map(|s| [[0.0, from_pitch(s)], [width, from_pitch(s - width * slope)]])
             .collect(),
@@ -266,6 +281,15 @@ pub fn profiles(pair: &gear::Pair, wear: Option<&[Vec<f64>; 2]>) -> [FlankProfil
             }),
         }
     })
+}
+
+/// The number of the place after `at`, and the share of the way to it from the place before; beyond the ends, 0 or 1.
+fn place(places: &[f64], at: f64) -> (usize, f64) {
+    let after = places
+        .partition_point(|place| *place < at)
+        .clamp(1, places.len() - 1);
+    let share = (at - places[after - 1]) / (places[after] - places[after - 1]);
+    (after, share.clamp(0.0, 1.0))
 }
 
 /// The transmission error of a pair over one mesh period, unworn and with the mean wear, for

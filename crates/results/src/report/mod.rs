@@ -54,8 +54,8 @@ pub use page::{
     campaign_digest, campaign_name, render, render_atlas, render_pair, render_tradeoff,
 };
 pub use printed::{PaperFigures, PreliminaryDesign, PrintedDesign, PrintedFigure, SimilarDesign};
-pub(crate) use quantity::label;
-pub use quantity::{NamedValue, approach_name, variable_name, variables};
+pub use quantity::{NamedValue, approach_name, response_name, variable_name, variables};
+pub(crate) use quantity::{label, limits, values};
 pub use runs::OptimiserRun;
 pub use svg::{Axis, Chart, Mark, Picture, Scale, Series};
 pub use symbols::symbol;

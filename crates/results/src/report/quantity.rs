@@ -1,9 +1,10 @@
 //! Names of variables and approaches, as pages show them.
 
 use problem::Approach;
-use problem::formulation::{Design, Problem};
+use problem::formulation::{Constraint, Design, Problem};
 use serde::Serialize;
 
+use crate::number::column;
 use crate::report::symbols::symbol;
 
 /// A number with its name and unit.
@@ -30,6 +31,56 @@ pub fn variable_name(problem: &Problem, name: &str) -> String {
         Some(_) => symbol(name),
         None => name.to_owned(),
     }
+}
+
+/// The name of the sampled response: its symbol for gears, its own name for other problems.
+#[must_use]
+pub fn response_name(problem: &Problem) -> String {
+    match problem.gears() {
+        Some(_) => "ΔSTE".to_owned(),
+        None => problem.objective().response.name.to_string(),
+    }
+}
+
+/// The numbers of a list with their units, to a common precision.
+pub(crate) fn values(list: &[NamedValue]) -> Vec<String> {
+    // The name may contain the unit: `ρa₁ (mm)`.
+    let in_name = |one: &NamedValue| one.name.rfind(" (").map(|at| one.name[at..].to_owned());
+    let kind = |one: &NamedValue| match in_name(one) {
+        Some(unit) if one.unit.is_empty() => unit,
+        _ => one.unit.clone(),
+    };
+    let kinds: Vec<String> = list.iter().map(kind).collect();
+    let numbers = list
+        .iter()
+        .zip(&kinds)
+        .map(|(one, kind)| (one.value, &**kind));
+    let texts = column(&numbers.collect::<Vec<_>>(), 5)
+        .into_iter()
+        .zip(list);
+    texts
+        .map(|(text, one)| match one.unit.is_empty() {
+            true => text
+                .split(" (")
+                .next()
+                .unwrap_or_default()
+                .trim_end()
+                .to_owned(),
+            false => text,
+        })
+        .collect()
+}
+
+/// Value, limit and margin of each constraint with their units, to a common precision.
+pub(crate) fn limits(constraints: &[Constraint]) -> Vec<[String; 3]> {
+    let numbers = constraints.iter().flat_map(|one| {
+        // No zero with a sign.
+        let margin = 0.0 - one.excess;
+        [one.value, one.limit, margin].map(|number| (number, &*one.unit))
+    });
+    let texts = column(&numbers.collect::<Vec<_>>(), 4);
+    let (rows, _) = texts.as_chunks::<3>();
+    rows.to_vec()
 }
 
 /// The name of an approach, as headings and table rows use it.

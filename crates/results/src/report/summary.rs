@@ -6,7 +6,7 @@ use stats::{IntervalEstimate, Samples};
 
 use super::contents::Report;
 use super::head;
-use super::quantity::{NamedValue, approach_name, variables};
+use super::quantity::{approach_name, limits, response_name, values, variables};
 use crate::number::{count, digits_of, estimate, interval, percent, seconds, with_unit};
 use crate::optima::{VerifiedLimit, VerifiedOptimum, is_ranked};
 
@@ -21,8 +21,9 @@ pub(crate) struct SummaryView<'a> {
 
 /// The recommended design.
 pub(crate) struct RecommendedView {
-    pub(crate) variables: Vec<NamedValue>,
-    /// Quantity, value, limit, margin.
+    /// Name and value.
+    pub(crate) variables: Vec<(String, String)>,
+    /// Quantity, margin, value, limit.
     pub(crate) margins: Vec<[String; 4]>,
     /// The differences of the other approaches, and the cost.
     pub(crate) sentences: Vec<String>,
@@ -64,12 +65,12 @@ impl RecommendedView {
         let problem = report.problem();
         let found = best.optimum.feasible();
         let sentences = [others(report), cost(report, best)];
+        let variables = found.map_or_else(Vec::new, |found| variables(problem, &found.design));
+        let texts = values(&variables);
+        let names = variables.into_iter().map(|one| one.name);
         Self {
-            variables: found.map_or_else(Vec::new, |found| variables(problem, &found.design)),
-            margins: best
-                .constraints
-                .iter()
-                .map(margin)
+            variables: names.zip(texts).collect(),
+            margins: margins(&best.constraints)
                 .chain(best.limits.iter().map(limit))
                 .collect(),
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
@@ -78,25 +79,21 @@ impl RecommendedView {
     }
 }
 
-/// Quantity, value, limit, margin.
-fn margin(constraint: &Constraint) -> [String; 4] {
-    let unit = &constraint.unit;
-    // No zero with a sign.
-    let margin = 0.0 - constraint.excess;
-    let share = match constraint.limit {
-        0.0 => String::new(),
-        limit => format!(" ({})", percent(margin / limit.abs())),
-    };
-    [
-        constraint.name.to_string(),
-        with_unit(constraint.value, 4, unit),
-        format!(
-            "{} {}",
-            constraint.bound,
-            with_unit(constraint.limit, 4, unit)
-        ),
-        format!("{}{share}", with_unit(margin, 3, unit)),
-    ]
+/// Quantity, margin, value and limit of each constraint.
+fn margins(constraints: &[Constraint]) -> impl Iterator<Item = [String; 4]> {
+    let rows = constraints.iter().zip(limits(constraints));
+    rows.map(|(constraint, [value, limit, margin])| {
+        let share = match constraint.limit {
+            0.0 => String::new(),
+            limit => format!(" ({})", percent(-constraint.excess / limit.abs())),
+        };
+        [
+            constraint.name.to_string(),
+            format!("{margin}{share}"),
+            value,
+            format!("{} {limit}", constraint.bound),
+        ]
+    })
 }
 
 /// The same of a constraint on samples, whose margin is the confidence that it holds.
@@ -112,18 +109,15 @@ fn limit(limit: &VerifiedLimit) -> [String; 4] {
     let ends = ends.map_or_else(String::new, |ends| format!(" ({})", interval(ends, 3)));
     [
         format!("{constraint}: {measure}"),
+        limit.confidence_in_words(),
         format!("{}{ends}", with_unit(value.value, 3, unit)),
         limit.relation_to_limit(),
-        limit.confidence_in_words(),
     ]
 }
 
 fn headline(report: &Report, best: &VerifiedOptimum) -> String {
     let problem = report.problem();
-    let response = match problem.gears() {
-        Some(_) => "ΔSTE",
-        None => &problem.objective().response.name,
-    };
+    let response = response_name(problem);
     let unit = &problem.measured().unit;
     let ends = best.measure.and_then(|measure| measure.interval);
     let value = best.measure.map_or(f64::NAN, |measure| measure.value);

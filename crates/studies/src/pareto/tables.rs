@@ -134,6 +134,7 @@ fn chart(
             .filter(|point| of(&point.source))
             .map(|point| (at(point), point.verified.unwrap_or(point.p90)))
             .collect(),
+        infeasible: Vec::new(),
     };
     let dots: Vec<[f64; 2]> = all
         .iter()

@@ -6,10 +6,12 @@ use problem::optimise::Solution;
 use serde::Serialize;
 use stats::IntervalEstimate;
 
+use crate::number::fixed;
 use crate::optima::{VerifiedLimit, VerifiedOptimum};
-use crate::report::{self, NamedValue, charts};
+use crate::report::{self, NamedValue, charts, limits, response_name, values};
 
 use super::Chart;
+use super::chart::rows_of;
 
 /// The best design so far.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -18,7 +20,7 @@ pub struct BestView {
     pub finished: bool,
     /// Name of the minimised measure, such as P90.
     pub measure: String,
-    /// Name of the response.
+    /// Name of the response, as pages show it.
     pub response: String,
     /// Unit of the response; empty for a number without one.
     pub unit: String,
@@ -44,7 +46,11 @@ pub struct BestDesign {
     /// Number of samples behind the measure.
     pub samples: u64,
     pub variables: Vec<NamedValue>,
+    /// The variables' values as pages show them.
+    pub variable_texts: Vec<String>,
     pub constraints: Vec<Constraint>,
+    /// Value, limit and margin of each constraint as pages show them.
+    pub constraint_texts: Vec<[String; 3]>,
     /// For a gear pair: its section and its transmission error.
     pub charts: Vec<Chart>,
 }
@@ -86,7 +92,7 @@ pub fn best(
     BestView {
         finished,
         measure: problem.measured().name.to_string(),
-        response: problem.objective().response.name.to_string(),
+        response: response_name(problem),
         unit: problem.measured().unit.to_string(),
         note,
         best: verified.or_else(|| {
@@ -108,9 +114,11 @@ pub fn of_optimum(problem: &Problem, verified: &VerifiedOptimum) -> Option<BestD
     let approach = problem.approach_name(verified.optimum.approach);
     let name = format!("optimum of the approach {approach}");
     let constraints = verified.constraints.iter().cloned();
-    let limits = verified.limits.iter().map(VerifiedLimit::constraint);
+    let of_samples = verified.limits.iter().map(VerifiedLimit::constraint);
+    let constraints: Vec<Constraint> = constraints.chain(of_samples).collect();
     Some(BestDesign {
-        constraints: constraints.chain(limits).collect(),
+        constraint_texts: limits(&constraints),
+        constraints,
         ..of_design(problem, name, true, found, verified.measure?)
     })
 }
@@ -123,6 +131,14 @@ fn of_design(
     measure: IntervalEstimate,
 ) -> BestDesign {
     let variables = problem.variables().iter().zip(found.design.values());
+    let variables: Vec<NamedValue> = variables
+        .map(|(variable, value)| NamedValue {
+            name: variable.name.to_string(),
+            unit: variable.unit.to_string(),
+            value: *value,
+        })
+        .collect();
+    let constraints = problem.constraints(&found.criteria);
     let (low, high) = measure.interval.unwrap_or((f64::NAN, f64::NAN));
     BestDesign {
         name,
@@ -131,14 +147,10 @@ fn of_design(
         low,
         high,
         samples: measure.n as u64,
-        variables: variables
-            .map(|(variable, value)| NamedValue {
-                name: variable.name.to_string(),
-                unit: variable.unit.to_string(),
-                value: *value,
-            })
-            .collect(),
-        constraints: problem.constraints(&found.criteria),
+        variable_texts: values(&report::variables(problem, &found.design)),
+        variables,
+        constraint_texts: limits(&constraints),
+        constraints,
         charts: charts(problem, &found.design),
     }
 }
@@ -154,20 +166,18 @@ fn charts(problem: &Problem, design: &Design) -> Vec<Chart> {
     };
     let section = charts::gears(&report::drawing(&pair));
     let ste = report::ste(&pair, gears.wear());
-    let rows = ste.phase.iter().zip(&ste.unworn_um).zip(&ste.worn_um);
-    let rows = rows.map(|((phase, unworn), worn)| {
-        vec![
-            format!("{phase:.3}"),
-            format!("{unworn:.4}"),
-            format!("{worn:.4}"),
-        ]
-    });
+    let texts = |values: &[f64], decimals| values.iter().map(|v| fixed(*v, decimals)).collect();
+    let rows = [
+        texts(&ste.phase, 3),
+        texts(&ste.unworn_um, 4),
+        texts(&ste.worn_um, 4),
+    ];
     let columns = [
         "mesh phase (periods)",
         "STE unworn (µm)",
         "STE with mean wear (µm)",
     ];
-    let curve = Chart::new(charts::ste(&ste), &columns, rows.collect());
+    let curve = Chart::new(charts::ste(&ste), &columns, rows_of(&rows));
     Chart::new(section, &[], Vec::new())
         .into_iter()
         .chain(curve)

@@ -33,3 +33,10 @@ impl Chart {
         })
     }
 }
+
+/// The rows of a table with these columns of equal length.
+pub(super) fn rows_of(columns: &[Vec<String>]) -> Vec<Vec<String>> {
+    let count = columns.first().map_or(0, Vec::len);
+    let row = |k: usize| columns.iter().map(|column| column[k].clone()).collect();
+    (0..count).map(row).collect()
+}

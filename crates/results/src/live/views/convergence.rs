@@ -7,7 +7,7 @@ use problem::formulation::Problem;
 use serde::Serialize;
 
 use super::Chart;
-use crate::number::rounded;
+use crate::number::{count, significant};
 
 /// All runs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -51,8 +51,8 @@ fn of_approach(name: &str, runs: Vec<OptimiserRun>) -> ApproachRuns {
         let (evaluations, value) = run.history.last().copied().unwrap_or((0, f64::NAN));
         vec![
             run.start.to_string(),
-            evaluations.to_string(),
-            rounded(value, 5).to_string(),
+            count(evaluations),
+            significant(value, 5),
             if run.finished { "finished" } else { "running" }.to_owned(),
         ]
     });

@@ -4,9 +4,10 @@ use problem::formulation::Problem;
 use serde::Serialize;
 
 use super::Chart;
-use crate::number::rounded;
+use super::chart::rows_of;
+use crate::number::{column, rounded};
 use crate::report::charts::{self, ResponseMap};
-use crate::report::label;
+use crate::report::{label, response_name};
 
 /// Maximum number of points: more would not be visible in a chart, and every page would have to
 /// load them.
@@ -21,7 +22,7 @@ const DIGITS: usize = 6;
 pub struct Responses {
     /// The measure's name.
     pub measure: String,
-    /// The response's name.
+    /// The response's name, as pages show it.
     pub response: String,
     /// The response's unit; empty for a number without one.
     pub unit: String,
@@ -84,7 +85,7 @@ pub fn responses(
     });
     Responses {
         measure: problem.measured().name.to_string(),
-        response: problem.objective().response.name.to_string(),
+        response: response_name(problem),
         unit: problem.measured().unit.to_string(),
         coordinates: coordinates.collect(),
         preliminary,
@@ -136,18 +137,17 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         points: responses.points.iter().filter_map(triple).collect(),
         best,
     });
-    let rows = least.iter().take(ROWS).filter_map(|point| {
-        let [x, y, value] = triple(point)?;
-        Some(
-            [
-                point.design.to_string(),
-                x.to_string(),
-                y.to_string(),
-                value.to_string(),
-            ]
-            .to_vec(),
-        )
+    let least: Vec<(&Point, [f64; 3])> = least
+        .into_iter()
+        .filter_map(|point| Some((point, triple(point)?)))
+        .take(ROWS)
+        .collect();
+    let numbers = least.iter().map(|(point, _)| point.design.to_string());
+    let texts = [0, 1, 2].map(|i| {
+        let values: Vec<(f64, &str)> = least.iter().map(|(_, all)| (all[i], "")).collect();
+        column(&values, DIGITS)
     });
+    let rows = rows_of(&[&[numbers.collect()][..], &texts].concat());
     let columns = [
         "design, the least first",
         &labels[0],
@@ -160,7 +160,7 @@ pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
         preliminary: responses.preliminary,
         designs: responses.designs,
         shown: responses.points.len(),
-        chart: Chart::new(drawn, &columns, rows.collect()),
+        chart: Chart::new(drawn, &columns, rows),
     })
 }
 

@@ -1,10 +1,13 @@
 //! The rounds of an enrichment.
 
+use std::iter;
+
 use crate::report::{Enrichment, EnrichmentRound, charts};
 use serde::Serialize;
 
 use super::Chart;
-use crate::number::rounded;
+use super::chart::rows_of;
+use crate::number::column;
 
 /// All rounds.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -23,19 +26,19 @@ pub struct Rounds {
 #[must_use]
 pub fn rounds(enrichment: Option<&Enrichment>, measure: &str) -> Rounds {
     let rounds = enrichment.map_or(&[][..], |enrichment| &enrichment.rounds);
-    let number = |value: f64| rounded(value, 5).to_string();
-    let rows: Vec<Vec<String>> = rounds
-        .iter()
-        .map(|round| {
-            let ends = [round.predicted, round.low, round.high].map(number);
-            let [predicted, low, high] = ends;
-            vec![round.round.to_string(), predicted, low, high]
-        })
-        .collect();
-    let gains: Vec<Vec<String>> = rounds
-        .iter()
-        .map(|round| vec![round.round.to_string(), number(round.expected_improvement)])
-        .collect();
+    let texts = |of: &[fn(&EnrichmentRound) -> f64]| {
+        let all = of.iter().flat_map(|of| rounds.iter().map(of));
+        let texts = column(&all.map(|value| (value, "")).collect::<Vec<_>>(), 5);
+        let numbers = rounds.iter().map(|round| round.round.to_string());
+        let columns = texts.chunks(rounds.len().max(1)).map(<[String]>::to_vec);
+        rows_of(
+            &iter::once(numbers.collect())
+                .chain(columns)
+                .collect::<Vec<_>>(),
+        )
+    };
+    let rows = texts(&[|r| r.predicted, |r| r.low, |r| r.high]);
+    let gains = texts(&[|r| r.expected_improvement]);
     // Before the first round there is nothing to draw except the tolerance.
     let begun = enrichment.filter(|_| !rounds.is_empty());
     let charts = begun.map_or_else(Vec::new, |enrichment| {

@@ -4,7 +4,7 @@ use super::{HALF, draw};
 use crate::number::{fixed, significant};
 use crate::report::drawing::ContactPattern;
 use crate::report::error::Error;
-use crate::report::svg::{Axis, Chart, Mark, PALETTE, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, SHADES, Scale, Series, Table};
 
 /// Contact pressure in MPa over the flank.
 ///
@@ -25,27 +25,45 @@ pub fn contact(pattern: &ContactPattern) -> Result<Picture, Error> {
     for row in &pattern.pressure_mpa {
         same_length(across.len(), row.len())?;
     }
-    let rows = along.iter().zip(&pattern.pressure_mpa);
-    let cells: Vec<[f64; 3]> = rows
-        .flat_map(|(&s, row)| across.iter().zip(row).map(move |(&z, &p)| [z, s, p]))
-        .filter(|cell| cell[2].is_finite() && cell[2] > 0.0)
-        .collect();
-    let most = cells.iter().map(|cell| cell[2]).fold(0.0, f64::max);
-    let step = most / PALETTE as f64;
-    let class = |pressure: f64| ((pressure / step).ceil() as usize).clamp(1, PALETTE) - 1;
+    let loaded = |pressure: &f64| pressure.is_finite() && *pressure > 0.0;
+    let all = || pattern.pressure_mpa.iter().flatten().copied();
+    let least = all().filter(loaded).fold(pattern.peak_mpa, f64::min);
+    let most = all().filter(loaded).fold(pattern.peak_mpa, f64::max);
+    let shade = |pressure: f64| {
+        let share = (pressure - least) / (most - least).max(f64::MIN_POSITIVE);
+        ((share * SHADES as f64) as usize).min(SHADES - 1)
+    };
     let size = [spacing(across), spacing(along)];
-    let mut series: Vec<Series> = (0..PALETTE)
-        .map(|colour| {
-            let ends = [colour, colour + 1].map(|k| significant(k as f64 * step, 3));
-            let of_class = cells.iter().filter(|cell| class(cell[2]) == colour);
-            Series {
-                name: Some(format!("{} to {} MPa", ends[0], ends[1])),
-                mark: Mark::Cells(size),
-                colour,
-                points: of_class.map(|cell| [cell[0], cell[1]]).collect(),
-            }
+    let half = size.map(|size| 0.5 * size);
+    let mut series: Vec<Series> = (0..SHADES)
+        .map(|colour| Series {
+            name: None,
+            mark: Mark::Cells,
+            colour,
+            points: Vec::new(),
         })
         .collect();
+    // Neighbours of one shade in a row are one rectangle.
+    for (s, row) in along.iter().zip(&pattern.pressure_mpa) {
+        let shades = row.iter().map(|p| loaded(p).then(|| shade(*p)));
+        let shades: Vec<(usize, Option<usize>)> = shades.enumerate().collect();
+        for run in shades.chunk_by(|a, b| a.1 == b.1) {
+            let (Some((first, Some(shade))), Some((last, _))) = (run.first(), run.last()) else {
+                continue;
+            };
+            series[*shade].points.extend([
+                [across[*first] - half[0], s - half[1]],
+                [across[*last] + half[0], s + half[1]],
+            ]);
+        }
+    }
+    series.retain(|one| !one.points.is_empty());
+    let ends = [least, most].map(|end| format!("{} MPa", significant(end, 3)));
+    for (end, name) in [0, series.len().saturating_sub(1)].into_iter().zip(ends) {
+        if let Some(one) = series.get_mut(end) {
+            one.name = Some(name);
+        }
+    }
     let name = || "lines of contact at one moment".to_owned();
     series.extend(pattern.lines.iter().enumerate().map(|(i, ends)| Series {
         name: (i == 0).then(name),
@@ -53,31 +71,40 @@ pub fn contact(pattern: &ContactPattern) -> Result<Picture, Error> {
         colour: 0,
         points: ends.to_vec(),
     }));
-    let axis = |label: &str, places: &[f64], size: f64| Axis {
-        label: label.to_owned(),
-        scale: Scale::Linear,
+    let axis = |label: &str, places: &[f64], half: f64| Axis {
         range: places
             .first()
             .zip(places.last())
-            .map(|(low, high)| (low - 0.5 * size, high + 0.5 * size)),
+            .map(|(low, high)| (low - half, high + half)),
+        ..Axis::new(label, Scale::Linear)
     };
-    let share = cells.len() as f64 / (along.len() * across.len()).max(1) as f64;
+    let count = all().filter(loaded).count();
+    let share = count as f64 / (along.len() * across.len()).max(1) as f64;
     let chart = Chart {
         title: format!(
             "Contact pattern, {}: {} % of the flank carries load",
             if pattern.is_worn { "worn" } else { "unworn" },
             fixed(100.0 * share, 0)
         ),
-        x: axis("place across the face (mm)", across, size[0]),
-        y: axis("distance from the pitch point (mm)", along, size[1]),
+        x: axis("place across the face (mm)", across, half[0]),
+        y: axis("distance from the pitch point (mm)", along, half[1]),
         series,
         size: [HALF[0], HALF[1] + 40.0],
     };
-    draw(
-        chart,
-        "contact pattern",
-        "no place of the flank carries load",
-    )
+    let columns = across.iter().enumerate().map(|(k, z)| {
+        let rows = along.iter().zip(&pattern.pressure_mpa);
+        let points = rows.map(|(&s, row)| [s, row[k]]).collect();
+        (format!("{} mm across the face", fixed(*z, 2)), points)
+    });
+    let data = Table {
+        axes: [
+            "distance from the pitch point (mm)".to_owned(),
+            "pressure (MPa)".to_owned(),
+        ],
+        series: columns.collect(),
+    };
+    let why = "no place of the flank carries load";
+    Ok(draw(chart, "contact pattern", why)?.with_data(data))
 }
 
 /// The distance of evenly spaced places.

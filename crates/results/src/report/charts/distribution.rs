@@ -1,9 +1,9 @@
 //! The distribution of samples.
 
-use super::{HALF, axis, draw};
+use super::{HALF, draw};
 use crate::report::error::Error;
 use crate::report::quantity::label;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// The fewest and the most intervals of a histogram.
 const INTERVALS: (usize, usize) = (8, 60);
@@ -50,8 +50,8 @@ impl VerifiedSamples<'_> {
         };
         Chart {
             title,
-            x: axis(label(self.response, self.unit), Scale::Linear),
-            y: axis(y, Scale::Linear),
+            x: Axis::new(label(self.response, self.unit), Scale::Linear),
+            y: Axis::new(y, Scale::Linear),
             series: [curve].into_iter().chain(line).collect(),
             size: HALF,
         }

@@ -8,8 +8,8 @@ use crate::report::svg::{
     Canvas, Picture, Scale, Window, clip_polygon, clip_polyline, drawable, text_width,
 };
 
-/// Half the width shown, as a share of the centre distance: about four teeth of a twenty-tooth gear.
-const HALF_WIDTH: f64 = 0.26;
+/// Half the width shown, as a share of the centre distance: two or three teeth of a twenty-tooth gear.
+const HALF_WIDTH: f64 = 0.17;
 const TOP: f64 = 62.0;
 const MARGIN: f64 = 10.0;
 
@@ -64,7 +64,7 @@ pub fn gears(drawing: &GearDrawing) -> Result<Picture, Error> {
         }
         canvas.area(
             &place_all(&clip_polygon(&area, &view)),
-            &format!("body f{i}"),
+            &format!("body s{i}"),
         );
     }
     let circles = |radius: fn(&GearOutline) -> Option<f64>| {

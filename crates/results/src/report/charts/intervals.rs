@@ -2,9 +2,9 @@
 
 use stats::IntervalEstimate;
 
-use super::{FULL, axis, draw};
+use super::{FULL, draw};
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// Percentiles of one kind, each at its abscissa.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +13,8 @@ pub struct PercentileSeries {
     pub name: String,
     /// Abscissae, ascending, with the measures there.
     pub points: Vec<(f64, IntervalEstimate)>,
+    /// Abscissae without a feasible design.
+    pub infeasible: Vec<f64>,
 }
 
 /// The `measure` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
@@ -21,23 +23,33 @@ pub struct PercentileSeries {
 /// # Errors
 /// [`Error::NothingToDraw`] without a positive measure.
 pub fn teeth(measure: &str, series: &[PercentileSeries]) -> Result<Picture, Error> {
+    let values = series.iter().flat_map(|one| middle(&one.points));
+    let least = values.map(|p| p[1]).fold(f64::INFINITY, f64::min);
+    let mut all = Vec::new();
+    for (colour, one) in series.iter().enumerate() {
+        all.push(Series {
+            name: None,
+            mark: Mark::Thin("2 3"),
+            colour,
+            points: middle(&one.points),
+        });
+        all.extend(with_bars(&one.name, Mark::Points, colour, &one.points));
+    }
+    // A row of rings for each approach at the foot of the chart.
+    for (colour, one) in series.iter().enumerate() {
+        let foot = least * 0.94f64.powi(colour as i32 + 1);
+        all.push(Series {
+            name: (!one.infeasible.is_empty()).then(|| format!("{}: none feasible", one.name)),
+            mark: Mark::Rings,
+            colour,
+            points: one.infeasible.iter().map(|x| [*x, foot]).collect(),
+        });
+    }
     let chart = Chart {
         title: format!("{measure} of ΔSTE at the optima, with 95 % intervals"),
-        x: axis("teeth of the pinion", Scale::Whole),
-        y: axis(format!("{measure} of ΔSTE (µm)"), Scale::Log),
-        series: series
-            .iter()
-            .enumerate()
-            .flat_map(|(colour, one)| {
-                let line = Series {
-                    name: None,
-                    mark: Mark::Thin("2 3"),
-                    colour,
-                    points: middle(&one.points),
-                };
-                std::iter::once(line).chain(with_bars(&one.name, colour, &one.points))
-            })
-            .collect(),
+        x: Axis::new("teeth of the pinion", Scale::Whole),
+        y: Axis::new(format!("{measure} of ΔSTE (µm)"), Scale::Log),
+        series: all,
         size: [FULL[0], 420.0],
     };
     draw(
@@ -86,12 +98,12 @@ pub fn front(
         series
             .iter()
             .zip(colours)
-            .flat_map(|(one, colour)| with_bars(&one.name, colour, &one.points)),
+            .flat_map(|(one, colour)| with_bars(&one.name, Mark::Rings, colour, &one.points)),
     );
     let chart = Chart {
         title: format!("{measure} of ΔSTE against {against}"),
-        x: axis(against, Scale::Linear),
-        y: axis(format!("{measure} of ΔSTE (µm)"), Scale::Log),
+        x: Axis::new(against, Scale::Linear),
+        y: Axis::new(format!("{measure} of ΔSTE (µm)"), Scale::Log),
         series: all,
         size: [FULL[0], 420.0],
     };
@@ -102,8 +114,13 @@ fn middle(points: &[(f64, IntervalEstimate)]) -> Vec<[f64; 2]> {
     points.iter().map(|(x, p90)| [*x, p90.value]).collect()
 }
 
-/// A ring for each measure and a bar for its interval.
-fn with_bars(name: &str, colour: usize, points: &[(f64, IntervalEstimate)]) -> Vec<Series> {
+/// A mark for each measure and a bar for its interval.
+fn with_bars(
+    name: &str,
+    mark: Mark,
+    colour: usize,
+    points: &[(f64, IntervalEstimate)],
+) -> Vec<Series> {
     let bar = |(x, p90): &(f64, IntervalEstimate)| {
         let (low, high) = p90.interval?;
         Some(Series {
@@ -116,7 +133,7 @@ fn with_bars(name: &str, colour: usize, points: &[(f64, IntervalEstimate)]) -> V
     let mut series: Vec<Series> = points.iter().filter_map(bar).collect();
     series.push(Series {
         name: Some(name.to_owned()),
-        mark: Mark::Rings,
+        mark,
         colour,
         points: middle(points),
     });

@@ -1,9 +1,12 @@
 //! A response over two coordinates of the designs.
 
-use super::{HALF, axis, draw};
+use super::{HALF, draw};
 use crate::number::significant;
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, PALETTE, Picture, Scale, Series, drawable};
+use crate::report::svg::{Axis, Chart, Mark, Picture, SHADES, Scale, Series, drawable};
+
+/// Number of classes of responses.
+const CLASSES: usize = 6;
 
 /// A response over two coordinates.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +32,7 @@ pub fn map(map: &ResponseMap) -> Result<Picture, Error> {
     let is_drawable = |point: &&[f64; 3]| point.iter().all(|v| drawable(*v, Scale::Linear));
     let mut points: Vec<[f64; 3]> = map.points.iter().filter(is_drawable).copied().collect();
     points.sort_by(|a, b| a[2].total_cmp(&b[2]));
-    let classes = points.chunks(points.len().div_ceil(PALETTE).max(1));
+    let classes = points.chunks(points.len().div_ceil(CLASSES).max(1));
     let mut series: Vec<Series> = classes
         .enumerate()
         .map(|(colour, class)| Series {
@@ -38,14 +41,14 @@ pub fn map(map: &ResponseMap) -> Result<Picture, Error> {
                 format!("{} to {}", ends[0], ends[1])
             }),
             mark: Mark::Shades,
-            colour,
+            colour: colour * (SHADES - 1) / (CLASSES - 1),
             points: class.iter().map(|point| [point[0], point[1]]).collect(),
         })
         .collect();
     series.push(Series {
         name: Some("best that keeps the constraints".to_owned()),
         mark: Mark::Rings,
-        colour: 1,
+        colour: 2,
         points: map
             .best
             .filter(|_| !points.is_empty())
@@ -54,8 +57,8 @@ pub fn map(map: &ResponseMap) -> Result<Picture, Error> {
     });
     let chart = Chart {
         title: map.response.clone(),
-        x: axis(map.x.clone(), Scale::Linear),
-        y: axis(map.y.clone(), Scale::Linear),
+        x: Axis::new(map.x.clone(), Scale::Linear),
+        y: Axis::new(map.y.clone(), Scale::Linear),
         series,
         size: [HALF[0] + 80.0, HALF[1] + 60.0],
     };
@@ -81,7 +84,11 @@ mod tests {
         };
         let svg = super::map(&map).unwrap().standalone();
         assert_eq!(svg.matches("h0").count(), 100);
-        assert!((0..6).all(|shade| svg.contains(&format!("shades p{shade}"))));
+        assert!(
+            [0, 4, 9, 13, 18, 23]
+                .iter()
+                .all(|shade| svg.contains(&format!("shades q{shade}")))
+        );
         assert!(svg.contains("x1 (mm)") && svg.contains("P95 of y"));
         let empty = ResponseMap {
             points: Vec::new(),

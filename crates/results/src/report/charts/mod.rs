@@ -3,6 +3,7 @@
 mod contact;
 mod distribution;
 mod gears;
+mod indices;
 mod intervals;
 mod map;
 mod model;
@@ -22,6 +23,7 @@ use crate::report::wear::WearProfiles;
 pub use contact::contact;
 pub use distribution::{VerifiedSamples, cumulative, histogram};
 pub use gears::gears;
+pub use indices::indices;
 pub use intervals::{PercentileSeries, front, teeth};
 pub use map::{ResponseMap, map};
 pub use model::{leave_one_out, residuals, slice};
@@ -70,22 +72,14 @@ pub fn wear(profiles: &WearProfiles, size: [f64; 2]) -> Result<Picture, Error> {
     draw(
         Chart {
             title: "Wear of the flank".to_owned(),
-            x: axis("roll angle (rad)", Scale::Linear),
-            y: axis("profile change (µm)", Scale::Linear),
+            x: Axis::new("roll angle (rad)", Scale::Linear),
+            y: Axis::new("profile change (µm)", Scale::Linear),
             series,
             size,
         },
         "wear profiles",
         "no profile has a finite depth",
     )
-}
-
-fn axis(label: impl Into<String>, scale: Scale) -> Axis {
-    Axis {
-        label: label.into(),
-        scale,
-        range: None,
-    }
 }
 
 fn draw(chart: Chart, name: &'static str, why: &'static str) -> Result<Picture, Error> {

@@ -3,11 +3,11 @@
 use stages::fitting::ModelSummary;
 
 use super::scatter::{diagonal, drawable_pairs};
-use super::{HALF, axis, draw};
+use super::{HALF, draw};
 use crate::report::error::Error;
 use crate::report::model::Slice;
 use crate::report::quantity::label;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// Leave-one-out predictions against observations, whose unit may be empty.
 ///
@@ -18,8 +18,8 @@ pub fn leave_one_out(model: &ModelSummary, unit: &str) -> Result<Picture, Error>
     let points = drawable_pairs(pairs, Scale::Linear);
     let chart = Chart {
         title: "Leave-one-out predictions".to_owned(),
-        x: axis(label("observed", unit), Scale::Linear),
-        y: axis(label("predicted from the others", unit), Scale::Linear),
+        x: Axis::new(label("observed", unit), Scale::Linear),
+        y: Axis::new(label("predicted from the others", unit), Scale::Linear),
         series: vec![
             diagonal(&points, "perfect prediction"),
             Series {
@@ -58,8 +58,8 @@ pub fn residuals(model: &ModelSummary) -> Result<Picture, Error> {
     let guide = ends.map_or_else(Vec::new, |(first, last)| vec![[first[0]; 2], [last[0]; 2]]);
     let chart = Chart {
         title: "Standardised residuals".to_owned(),
-        x: axis("quantile of the normal distribution", Scale::Linear),
-        y: axis("residual over its standard deviation", Scale::Linear),
+        x: Axis::new("quantile of the normal distribution", Scale::Linear),
+        y: Axis::new("residual over its standard deviation", Scale::Linear),
         series: vec![
             Series {
                 name: Some("normal".to_owned()),
@@ -97,8 +97,8 @@ pub fn slice(slice: &Slice, unit: &str) -> Result<Picture, Error> {
     });
     let chart = Chart {
         title: format!("Along {}", slice.label),
-        x: axis(slice.label.as_str(), Scale::Linear),
-        y: axis(label("model", unit), Scale::Linear),
+        x: Axis::new(slice.label.as_str(), Scale::Linear),
+        y: Axis::new(label("model", unit), Scale::Linear),
         series: vec![
             line(Some("95 % interval"), Mark::Thin("5 3"), 2),
             line(None, Mark::Thin("5 3"), 3),

@@ -1,10 +1,10 @@
 //! Contact pressure along the path of contact.
 
-use super::{HALF, axis, draw, same_length};
+use super::{HALF, draw, same_length};
 use crate::number;
 use crate::report::drawing::PressureCurves;
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// Contact pressure in MPa along the path of contact in mm.
 ///
@@ -52,8 +52,8 @@ pub fn pressure(curves: &PressureCurves) -> Result<Picture, Error> {
     }
     let chart = Chart {
         title: "Contact pressure along the path of contact".to_owned(),
-        x: axis("distance from the pitch point (mm)", Scale::Linear),
-        y: axis("largest pressure over the mesh (MPa)", Scale::Linear),
+        x: Axis::new("distance from the pitch point (mm)", Scale::Linear),
+        y: Axis::new("largest pressure over the mesh (MPa)", Scale::Linear),
         series,
         size: HALF,
     };

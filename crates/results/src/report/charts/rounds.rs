@@ -1,10 +1,10 @@
 //! The rounds of an enrichment.
 
-use super::{HALF, axis, draw};
+use super::{HALF, draw};
 use crate::report::enrichment::{Enrichment, EnrichmentRound};
 use crate::report::error::Error;
 use crate::report::quantity::label;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// The predicted `measure` (its name, such as P90) of the recommended design against the rounds of the enrichment.
 ///
@@ -36,8 +36,8 @@ pub fn prediction(enrichment: &Enrichment, measure: &str) -> Result<Picture, Err
     }
     let chart = Chart {
         title: format!("{measure} of the recommended design"),
-        x: axis("round", Scale::Linear),
-        y: axis(label(measure, &enrichment.unit), Scale::Linear),
+        x: Axis::new("round", Scale::Linear),
+        y: Axis::new(label(measure, &enrichment.unit), Scale::Linear),
         series,
         size: HALF,
     };
@@ -72,8 +72,8 @@ pub fn expected_improvement(enrichment: &Enrichment) -> Result<Picture, Error> {
     ];
     let chart = Chart {
         title: "What a further observation may gain".to_owned(),
-        x: axis("round", Scale::Linear),
-        y: axis(label("expected improvement", &enrichment.unit), Scale::Log),
+        x: Axis::new("round", Scale::Linear),
+        y: Axis::new(label("expected improvement", &enrichment.unit), Scale::Log),
         series,
         size: HALF,
     };

@@ -1,11 +1,11 @@
 //! Lines over evaluations and over the mesh phase.
 
-use super::{HALF, axis, draw, same_length};
+use super::{HALF, draw, same_length};
 use crate::number;
 use crate::report::drawing::SteCurves;
 use crate::report::error::Error;
 use crate::report::runs::OptimiserRun;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 use crate::sheet::amplitude;
 
 /// Dash patterns, so that lines differ by more than colour.
@@ -14,6 +14,9 @@ const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
 /// Beyond this ratio of greatest to least, a linear axis would hide the end of a run: a start at a
 /// design that cannot be simulated counts 100, an optimum about one.
 const LOG_FROM_RATIO: f64 = 8.0;
+
+/// The vertical axis ends at the highest value of a start after this part of its evaluations.
+const CUT: f64 = 50.0;
 
 /// Best penalised objective (no unit, Equation (5)) against evaluations, one line per start.
 ///
@@ -49,10 +52,16 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     if let Some(ring) = rings.iter_mut().find(|ring| !ring.points.is_empty()) {
         ring.name = Some("restart".to_owned());
     }
+    // The first evaluations are many times as high as the rest, in which the descent is to be seen.
     let values = || series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let least = values().fold(f64::INFINITY, f64::min);
-    let greatest = values().fold(f64::NEG_INFINITY, f64::max);
-    let scale = if least > 0.0 && greatest / least > LOG_FROM_RATIO {
+    let early = series.iter().filter_map(|s| {
+        let last = s.points.last()?;
+        value_at(&s.points, last[0] / CUT).map(|p| p[1])
+    });
+    let top = early.fold(f64::NEG_INFINITY, f64::max);
+    let shown = (top - least > 1e-6 * least.abs()).then_some((least, top));
+    let scale = if least > 0.0 && top / least > LOG_FROM_RATIO {
         Scale::Log
     } else {
         Scale::Linear
@@ -60,8 +69,11 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     series.extend(rings);
     let chart = Chart {
         title: title.to_owned(),
-        x: axis("evaluations", Scale::Linear),
-        y: axis("best penalised objective", scale),
+        x: Axis::new("evaluations", Scale::Log),
+        y: Axis {
+            range: shown,
+            ..Axis::new("best penalised objective", scale)
+        },
         series,
         size: HALF,
     };
@@ -83,7 +95,7 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
         "with Archard’s wear",
         "the worn STE curve",
         &curves.worn_um,
-        Mark::Curve("8 3"),
+        Mark::Smooth("8 3"),
         1,
         curves.delta_um[1],
     );
@@ -91,7 +103,7 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
         "unworn",
         "the unworn STE curve",
         &curves.unworn_um,
-        Mark::Curve(""),
+        Mark::Smooth(""),
         0,
         curves.delta_um[0],
     );
@@ -120,8 +132,8 @@ pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
     }
     let chart = Chart {
         title: "Static transmission error over one mesh period".to_owned(),
-        x: axis("mesh phase (periods)", Scale::Linear),
-        y: axis("STE about its mean (µm)", Scale::Linear),
+        x: Axis::new("mesh phase (periods)", Scale::Linear),
+        y: Axis::new("STE about its mean (µm)", Scale::Linear),
         series,
         size: HALF,
     };
@@ -155,7 +167,7 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
         let points: Vec<[f64; 2]> = points.collect();
         series.extend(points.iter().map(|&[x, y]| Series {
             name: None,
-            mark: Mark::Guide,
+            mark: Mark::Curve(""),
             colour,
             points: vec![[x, 0.0], [x, y]],
         }));
@@ -168,8 +180,8 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
     }
     let chart = Chart {
         title: "Spectrum of the static transmission error".to_owned(),
-        x: axis("mesh order", Scale::Whole),
-        y: axis("amplitude (µm)", Scale::Linear),
+        x: Axis::new("mesh order", Scale::Whole),
+        y: Axis::new("amplitude (µm)", Scale::Linear),
         series,
         size: HALF,
     };

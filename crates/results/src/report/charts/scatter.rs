@@ -1,6 +1,6 @@
 //! Responses of the designs against each other.
 
-use super::{HALF, axis, draw};
+use super::{HALF, draw};
 use crate::report::doe::{DoePoint, Response};
 use crate::report::error::Error;
 use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series, drawable};
@@ -16,12 +16,13 @@ pub enum Extent {
     Zoom,
 }
 
-/// Figures 4 and 5: two responses of the designs against each other in µm.
+/// Figures 4 and 5: two responses of the designs against each other in µm, with those of the `recommended` design.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] if no design has both responses (both positive, on logarithmic axes).
 pub fn responses(
     doe: &[DoePoint],
+    recommended: Option<&DoePoint>,
     measure: &str,
     x: Response,
     y: Response,
@@ -33,10 +34,17 @@ pub fn responses(
         Scale::Linear
     };
     let points: Vec<[f64; 2]> = drawable_pairs(doe.iter().map(|p| [x.of(p), y.of(p)]), scale);
-    let range = |i: usize| {
-        (extent == Extent::Zoom)
-            .then(|| lowest_fifth(&points, i))
-            .flatten()
+    let marked: Vec<[f64; 2]> = recommended
+        .filter(|_| !points.is_empty())
+        .map(|p| [x.of(p), y.of(p)])
+        .into_iter()
+        .collect();
+    let axis = |i: usize, of: Response| Axis {
+        range: match extent {
+            Extent::Zoom => lowest_fifth(&points, &marked, i),
+            _ => None,
+        },
+        ..Axis::new(format!("{} (µm)", of.label(measure)), scale)
     };
     let mut chart = Chart {
         title: match extent {
@@ -44,14 +52,8 @@ pub fn responses(
             Extent::Logarithmic => "All designs, logarithmic axes".to_owned(),
             Extent::Zoom => "Zoom on the lowest fifth".to_owned(),
         },
-        x: Axis {
-            range: range(0),
-            ..axis(format!("{} (µm)", x.label(measure)), scale)
-        },
-        y: Axis {
-            range: range(1),
-            ..axis(format!("{} (µm)", y.label(measure)), scale)
-        },
+        x: axis(0, x),
+        y: axis(1, y),
         series: vec![diagonal(&points, "equal values")],
         size: HALF,
     };
@@ -60,6 +62,12 @@ pub fn responses(
         mark: Mark::Dots,
         colour: 0,
         points,
+    });
+    chart.series.push(Series {
+        name: Some("recommended".to_owned()),
+        mark: Mark::Halo(5.0),
+        colour: 1,
+        points: marked,
     });
     draw(
         chart,
@@ -98,9 +106,13 @@ pub(super) fn diagonal(points: &[[f64; 2]], name: &str) -> Series {
     }
 }
 
-/// From the least value of a coordinate to its 20 % quantile.
-fn lowest_fifth(points: &[[f64; 2]], axis: usize) -> Option<(f64, f64)> {
+/// From the least value of a coordinate to the 20 % quantile of the points', and to the marked ones.
+fn lowest_fifth(points: &[[f64; 2]], marked: &[[f64; 2]], axis: usize) -> Option<(f64, f64)> {
     let mut values: Vec<f64> = points.iter().map(|p| p[axis]).collect();
     values.sort_by(f64::total_cmp);
-    Some((*values.first()?, *values.get(values.len() / 5)?))
+    let ends = [*values.first()?, *values.get(values.len() / 5)?];
+    let marked = marked.iter().map(|p| p[axis]).filter(|v| v.is_finite());
+    Some(marked.fold((ends[0], ends[1]), |(low, high), v| {
+        (low.min(v), high.max(v))
+    }))
 }

@@ -1,9 +1,9 @@
 //! ΔSTE over the torque.
 
-use super::{HALF, axis, draw, same_length};
+use super::{HALF, draw, same_length};
 use crate::report::drawing::TorqueCurves;
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// ΔSTE in µm over the pinion's torque in N·m; rings are at the torque that the pair is designed for.
 ///
@@ -73,8 +73,8 @@ pub fn torque(curves: &TorqueCurves) -> Result<Picture, Error> {
     series.extend(rings);
     let chart = Chart {
         title: "ΔSTE over the torque".to_owned(),
-        x: axis("torque on the pinion (N·m)", Scale::Linear),
-        y: axis("ΔSTE (µm)", Scale::Linear),
+        x: Axis::new("torque on the pinion (N·m)", Scale::Linear),
+        y: Axis::new("ΔSTE (µm)", Scale::Linear),
         series,
         size: HALF,
     };

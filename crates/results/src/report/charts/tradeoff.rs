@@ -1,8 +1,8 @@
 //! Cost against error, with the Pareto front, the campaign's settings and the recommended one.
 
-use super::{axis, draw};
+use super::draw;
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// Wide enough for two beside each other, and high enough for a legend of several lines.
 const SIZE: [f64; 2] = [480.0, 420.0];
@@ -82,8 +82,8 @@ pub fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
     draw(
         Chart {
             title: chart.title.clone(),
-            x: axis(chart.cost.clone(), Scale::Log),
-            y: axis(chart.error.clone(), Scale::Log),
+            x: Axis::new(chart.cost.clone(), Scale::Log),
+            y: Axis::new(chart.error.clone(), Scale::Log),
             series,
             size: SIZE,
         },

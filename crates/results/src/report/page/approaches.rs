@@ -78,7 +78,7 @@ pub(super) fn approaches<'a>(report: &'a Report, gears: &GearFigures) -> Vec<App
                 .found_or_sentence()
                 .map(|found| found_cells(found, &verified.constraints)),
             converged: converged.map(difference),
-            further: further.map(limited).collect(),
+            further: limited(further),
             paper: gears.paper.as_ref().and_then(|_| paper_cells(approach)),
             verified,
         }

@@ -5,9 +5,7 @@ use stats::IntervalEstimate;
 
 use crate::number::{self, MISSING, with_unit};
 use crate::optima::VerifiedLimit;
-
-/// Significant digits of named variables and limited quantities.
-const DIGITS: usize = 5;
+use crate::report::quantity::{NamedValue, limits, values};
 
 /// A number that may deserve a mark.
 pub(super) struct Value {
@@ -24,23 +22,32 @@ impl From<String> for Value {
     }
 }
 
-/// A quantity with its name: `tip land = 0.62 mm`.
-pub(super) fn named(name: &str, value: f64, unit: &str) -> String {
-    format!("{name} = {}", with_unit(value, DIGITS, unit))
+/// Quantities with their names: `tip land = 0.62 mm`.
+pub(super) fn named(list: &[NamedValue]) -> Vec<String> {
+    let both = list.iter().zip(values(list));
+    both.map(|(one, value)| format!("{} = {value}", one.name))
+        .collect()
 }
 
-/// A limited quantity with its name, marked where it breaks its limit.
-pub(super) fn limited(constraint: &Constraint) -> Value {
-    Value {
-        text: named(&constraint.name, constraint.value, &constraint.unit),
-        marked: !constraint.holds(),
-    }
+/// Limited quantities with their names, marked where they break their limits.
+pub(super) fn limited<'a>(constraints: impl Iterator<Item = &'a Constraint>) -> Vec<Value> {
+    let constraints: Vec<Constraint> = constraints.cloned().collect();
+    let both = constraints.iter().zip(limits(&constraints));
+    both.map(|(one, [value, ..])| Value {
+        text: format!("{} = {value}", one.name),
+        marked: !one.holds(),
+    })
+    .collect()
 }
 
 /// A measure of samples with its constraint's name, marked where it breaks its limit.
 pub(super) fn limited_measure(limit: &VerifiedLimit) -> Value {
     Value {
-        text: named(&limit.constraint, limit.value.value, &limit.unit),
+        text: format!(
+            "{} = {}",
+            limit.constraint,
+            with_unit(limit.value.value, 5, &limit.unit)
+        ),
         marked: !limit.holds,
     }
 }
@@ -51,7 +58,6 @@ pub(super) trait Show {
     fn significant(&self, digits: usize) -> String;
     fn seconds(&self) -> String;
     fn signed_percent(&self) -> String;
-    fn with_unit(&self, digits: usize, unit: &str) -> String;
     /// A coefficient of a gear: two decimals, or three.
     fn coefficient(&self) -> String;
 }
@@ -71,10 +77,6 @@ impl Show for f64 {
 
     fn signed_percent(&self) -> String {
         number::signed_percent(*self)
-    }
-
-    fn with_unit(&self, digits: usize, unit: &str) -> String {
-        number::with_unit(*self, digits, unit)
     }
 
     fn coefficient(&self) -> String {

@@ -4,7 +4,7 @@ use super::figure::{Figure, figure};
 use crate::number::count;
 use crate::report::charts;
 use crate::report::error::Error;
-use crate::report::quantity::approach_name;
+use crate::report::quantity::{approach_name, response_name};
 use crate::snapshot::Snapshot;
 
 /// The verification samples of the recommended design.
@@ -22,7 +22,7 @@ impl DistributionView {
             return Ok(None);
         };
         let values = best.values(problem);
-        let response = problem.objective().response.name.to_string();
+        let response = response_name(problem);
         let samples = charts::VerifiedSamples {
             response: &response,
             unit: &problem.objective().response.unit,

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::number::significant;
+use crate::number::column;
 use crate::report::error::Error;
 use crate::report::svg::{Picture, Table, escape};
 
@@ -83,10 +83,15 @@ fn table(data: &Table) -> String {
         "<details class=\"data\"><summary>Data</summary><div class=\"scroll\"><table><thead><tr><th scope=\"col\" \
          class=\"text\">Series</th><th scope=\"col\">{x}</th><th scope=\"col\">{y}</th></tr></thead><tbody>\n"
     );
+    let points = || data.series.iter().flat_map(|(_, points)| points);
+    let [xs, ys] = [0, 1].map(|i| {
+        let values: Vec<(f64, &str)> = points().map(|point| (point[i], "")).collect();
+        column(&values, 5)
+    });
+    let mut rows = xs.iter().zip(&ys);
     for (name, points) in &data.series {
-        for point in points {
-            let [x, y] = point.map(|value| significant(value, 5));
-            let name = escape(name);
+        let name = escape(name);
+        for (x, y) in rows.by_ref().take(points.len()) {
             // Writing to a String cannot fail.
             let _ = writeln!(
                 html,

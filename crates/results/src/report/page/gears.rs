@@ -15,7 +15,7 @@ use super::stages::StagesView;
 use super::{PAGE_STYLE, ReportFiles};
 use crate::report::charts::{self, Extent};
 use crate::report::contents::{GearFigures, Report};
-use crate::report::doe::{self, Response, ResponseStatistics};
+use crate::report::doe::{self, DoePoint, Response, ResponseStatistics};
 use crate::report::error::Error;
 use crate::report::notes::notes;
 use crate::report::paper::ACCURATE_SAMPLES;
@@ -105,8 +105,10 @@ impl<'a> Body<'a> {
         let snapshot = &report.snapshot;
         let measure = snapshot.measure_name();
         let paper = gears.paper.as_ref();
+        let recommended = recommended(report, gears);
         let responses = |name, x, y, extent| {
-            figure(name, charts::responses(&gears.doe, &measure, x, y, extent))
+            let chart = charts::responses(&gears.doe, recommended.as_ref(), &measure, x, y, extent);
+            figure(name, chart)
         };
         Ok(Self {
             report,
@@ -197,4 +199,24 @@ fn all_notes(report: &Report) -> Vec<(String, String)> {
     on_optima
         .chain(others.map(|note| (String::new(), note)))
         .collect()
+}
+
+/// The responses of the recommended design of a finished campaign.
+fn recommended(report: &Report, gears: &GearFigures) -> Option<DoePoint> {
+    let is_finished = report.missing.is_empty();
+    let best = report
+        .snapshot
+        .optima
+        .recommended()
+        .filter(|_| is_finished)?;
+    let [delta_ste_um, delta_ste_archard_um] = gears
+        .illustrations
+        .get(&best.optimum.approach)?
+        .ste
+        .delta_um;
+    Some(DoePoint {
+        delta_ste_um,
+        delta_ste_archard_um,
+        measure_um: best.measure?.value,
+    })
 }

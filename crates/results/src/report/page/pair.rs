@@ -3,7 +3,6 @@
 use askama::Template;
 use problem::formulation::Constraint;
 
-use super::cells::Show as _;
 use super::figure::{Figure, figure};
 use crate::report::charts;
 use crate::report::charts::VerifiedSamples;
@@ -11,6 +10,7 @@ use crate::report::drawing::{
     ContactPattern, FlankProfile, GearDrawing, PressureCurves, SteCurves, TorqueCurves,
 };
 use crate::report::error::Error;
+use crate::report::quantity::limits;
 use crate::report::svg;
 use crate::report::wear::WearProfiles;
 use crate::sheet::Section;
@@ -60,6 +60,7 @@ pub fn render_pair(data: &PairPage) -> Result<String, Error> {
         data,
         page_css: super::PAGE_STYLE,
         chart_css: svg::CSS,
+        limits: limits(&data.constraints),
         section: figure("section", charts::gears(&data.drawing))?,
         ste: figure("ste", charts::ste(&data.ste))?,
         torque: figure("torque", charts::torque(&data.torque))?,
@@ -108,6 +109,8 @@ struct Page<'a> {
     data: &'a PairPage,
     page_css: &'static str,
     chart_css: &'static str,
+    /// Value, limit and margin of each constraint.
+    limits: Vec<[String; 3]>,
     section: Figure,
     ste: Figure,
     torque: Figure,

@@ -116,16 +116,11 @@ impl<'a> OptimumRow<'a> {
                 |found| with_unit(found.criterion, 4, of_criterion),
             ),
             design: found.map(|found| {
-                let variables = variables(problem, &found.design).into_iter();
-                let constraints = verified.constraints.iter();
+                let constraints = limited(verified.constraints.iter()).into_iter();
+                let limits = verified.limits.iter().map(limited_measure);
                 (
-                    variables
-                        .map(|v| named(&v.name, v.value, &v.unit))
-                        .collect(),
-                    constraints
-                        .map(limited)
-                        .chain(verified.limits.iter().map(limited_measure))
-                        .collect(),
+                    named(&variables(problem, &found.design)),
+                    constraints.chain(limits).collect(),
                 )
             }),
             p90,

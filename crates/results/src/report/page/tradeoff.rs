@@ -3,8 +3,8 @@
 use askama::Template;
 
 use super::ReportFiles;
-use super::cells::Show as _;
 use super::figure::{Figure, figure};
+use crate::number::{short_time, significant};
 use crate::report::charts::{self, TradeoffChart};
 use crate::report::error::Error;
 use crate::report::svg;
@@ -80,8 +80,18 @@ fn view(study: &TradeoffStudy) -> Result<StudyView<'_>, Error> {
         let figure = figure(&chart.file, charts::tradeoff(chart))?;
         Ok(figure.with_sentence(&chart.recommendation))
     });
+    let is_time = |place: usize| study.columns[place].ends_with("(s)");
+    let cells = |row: &TradeoffRow| {
+        let values = row.values.iter().enumerate();
+        let texts = values.map(|(place, value)| match is_time(place) {
+            true => short_time(*value),
+            false => significant(*value, 4),
+        });
+        texts.collect()
+    };
     Ok(StudyView {
         study,
+        rows: study.rows.iter().map(|row| (row, cells(row))).collect(),
         figures: figures.collect::<Result<_, Error>>()?,
     })
 }
@@ -97,5 +107,7 @@ struct Page<'a> {
 
 struct StudyView<'a> {
     study: &'a TradeoffStudy,
+    /// All settings with their values as text.
+    rows: Vec<(&'a TradeoffRow, Vec<String>)>,
     figures: Vec<Figure>,
 }

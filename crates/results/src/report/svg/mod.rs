@@ -13,7 +13,7 @@ pub use axis::Scale;
 pub use canvas::Picture;
 pub(crate) use canvas::{Canvas, Table, escape, text_width};
 pub use chart::{Axis, Chart, Mark, Series};
-pub(crate) use chart::{PALETTE, drawable};
+pub(crate) use chart::{SHADES, drawable};
 pub(crate) use clip::{Window, clip_polygon, clip_polyline};
 
 /// The style of every chart; a page that holds inline charts includes it once.

@@ -54,6 +54,7 @@ fn every_chart_is_a_picture_of_its_own() {
         charts::wear(data.wear.as_ref().unwrap(), charts::FULL).unwrap(),
         charts::responses(
             &data.doe,
+            None,
             "P90",
             Response::Unworn,
             Response::Percentile,
@@ -62,6 +63,7 @@ fn every_chart_is_a_picture_of_its_own() {
         .unwrap(),
         charts::responses(
             &data.doe,
+            None,
             "P90",
             Response::Unworn,
             Response::Percentile,
@@ -70,6 +72,7 @@ fn every_chart_is_a_picture_of_its_own() {
         .unwrap(),
         charts::responses(
             &data.doe,
+            None,
             "P90",
             Response::Archard,
             Response::Percentile,
@@ -93,6 +96,7 @@ fn a_scatter_plot_has_one_dot_per_design_at_a_dozen_bytes_each() {
     let data = plausible().gears.unwrap();
     let svg = charts::responses(
         &data.doe,
+        None,
         "P90",
         Response::Unworn,
         Response::Archard,
@@ -114,6 +118,7 @@ fn a_zoom_shows_part_of_the_designs() {
     let dots = |extent| {
         let svg = charts::responses(
             &data.doe,
+            None,
             "P90",
             Response::Archard,
             Response::Percentile,
@@ -144,7 +149,14 @@ fn points_that_cannot_be_shown_are_skipped() {
         point(f64::MAX, 3.0),
     ];
     let dots = |extent| {
-        let chart = charts::responses(&doe, "P90", Response::Unworn, Response::Archard, extent);
+        let chart = charts::responses(
+            &doe,
+            None,
+            "P90",
+            Response::Unworn,
+            Response::Archard,
+            extent,
+        );
         let svg = chart.unwrap().standalone();
         check_picture(&svg);
         svg.matches("h0").count()
@@ -154,6 +166,7 @@ fn points_that_cannot_be_shown_are_skipped() {
     assert!(matches!(
         charts::responses(
             &doe[1..3],
+            None,
             "P90",
             Response::Unworn,
             Response::Archard,
@@ -228,8 +241,8 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
     let extent = |v: &[f64]| {
         v.iter().copied().fold(f64::MIN, f64::max) - v.iter().copied().fold(f64::MAX, f64::min)
     };
-    // 460 px show 2 · 0.26 · 100 mm; coordinates are rounded to a tenth of a pixel.
-    let expected = 8.0 * 460.0 / 52.0;
+    // 460 px show 2 · 0.17 · 100 mm; coordinates are rounded to a tenth of a pixel.
+    let expected = 8.0 * 460.0 / 34.0;
     assert!((extent(&x) - expected).abs() < 0.21, "{}", extent(&x));
     assert!((extent(&y) - expected).abs() < 0.21, "{}", extent(&y));
     assert_eq!(element_count(&svg, "svg"), 1);
@@ -272,12 +285,34 @@ fn a_contact_pattern_leaves_blank_what_carries_no_load() {
     let svg = charts::contact(&pattern).unwrap().standalone();
     let loaded = pattern.pressure_mpa.iter().flatten().filter(|p| **p > 0.0);
     let loaded = loaded.count();
-    // A rectangle of the drawing for each loaded place.
-    let cells = svg.split("class=\"cell ").skip(1);
-    let cells: usize = cells
-        .map(|rest| rest.split("/>").next().unwrap().matches('Z').count())
-        .sum();
-    assert_eq!(cells, loaded);
+    // The rectangles of the drawing cover the loaded places' share of the frame.
+    let paths = svg.split("<path class=\"cell ").skip(1);
+    let drawn = paths.map(|rest| rest.split("/>").next().unwrap());
+    let corners = drawn.flat_map(|path| path.split('M').skip(1));
+    let areas = corners.map(|corner| {
+        let ends: Vec<f64> = corner
+            .split(|c: char| !(c.is_ascii_digit() || c == '.'))
+            .filter_map(|number| number.parse().ok())
+            .collect();
+        ((ends[2] - ends[0]) * (ends[3] - ends[1])).abs()
+    });
+    let covered: f64 = areas.sum();
+    let frame = svg.split("class=\"frame\"").nth(1).unwrap();
+    let size = ["width", "height"].map(|name| {
+        let rest = frame.split(&format!("{name}=\"")).nth(1).unwrap();
+        rest.split('"').next().unwrap().parse::<f64>().unwrap()
+    });
+    let share = covered / (size[0] * size[1]);
+    assert!((share - loaded as f64 / 40.0).abs() < 0.01, "{share}");
+    // The scale ends at the pair's greatest pressure, which lies between two places.
+    assert!(svg.contains(">1450 MPa<"), "{svg}");
+    // The same shades in the light and in the dark.
+    assert!(
+        !svg.split("prefers-color-scheme:dark")
+            .nth(1)
+            .unwrap()
+            .contains(".q")
+    );
     assert!(loaded < 40 && svg.contains(&format!("{:.0} % of the flank", 2.5 * loaded as f64)));
     pattern.pressure_mpa[3].pop();
     assert!(matches!(

@@ -595,6 +595,7 @@ fn contact() -> ContactPattern {
     };
     ContactPattern {
         is_worn: true,
+        peak_mpa: 1450.0,
         pressure_mpa: place_mm.iter().map(|s| pressure(*s)).collect(),
         place_mm,
         across_mm,
