@@ -25,11 +25,18 @@ pub fn significant(value: f64, digits: usize) -> String {
     let (mantissa, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
     let exponent: i32 = exponent.parse().unwrap_or(0);
     if !(-4..=8).contains(&exponent) {
-        let power: String = exponent.to_string().chars().map(superscript).collect();
-        return format!("{} × 10{power}", mantissa.replace('-', "−"));
+        let power = power_of_ten(exponent);
+        return format!("{} × {power}", mantissa.replace('-', "−"));
     }
     let decimals = (digits as i32 - 1 - exponent).max(0) as usize;
     fixed(value, decimals)
+}
+
+/// A power of ten: `10⁻⁵`.
+#[must_use]
+pub fn power_of_ten(exponent: i32) -> String {
+    let digits = exponent.to_string();
+    format!("10{}", digits.chars().map(superscript).collect::<String>())
 }
 
 /// `value` with a fixed number of decimals.

@@ -128,6 +128,18 @@ impl<'a> View<'a> {
         text
     }
 
+    /// The panel, if there are several, and what is over what, as briefly as it stays clear.
+    fn title(&self) -> String {
+        let columns = [self.pair.error, self.pair.cost].map(|i| &*self.table.columns[i]);
+        let names = columns.map(|column| name_and_unit(column).0);
+        let brief = names.map(|name| name.split(',').next().unwrap_or_default());
+        let [error, cost] = if brief[0] == brief[1] { names } else { brief };
+        match self.table.panels().len() {
+            1 => format!("{error} over {cost}"),
+            _ => format!("{}: {error} over {cost}", self.panel),
+        }
+    }
+
     #[must_use]
     pub fn chart(&self) -> TradeoffChart {
         let rows = self.rows();
@@ -152,11 +164,7 @@ impl<'a> View<'a> {
         let own = rows.iter().zip(&points).filter(|(row, _)| row.is_campaign);
         TradeoffChart {
             file: self.file.clone(),
-            title: {
-                let [cost, error] = [&cost, &error].map(|column| name_and_unit(column).0);
-                let quantity = error.split(',').next().unwrap_or_default();
-                format!("{}: {quantity} over {cost}", self.panel)
-            },
+            title: self.title(),
             cost,
             error,
             series,

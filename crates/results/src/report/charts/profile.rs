@@ -1,10 +1,10 @@
 //! The profile of a gear: the K-diagram.
 
-use super::{HALF, axis, draw, same_length};
+use super::{HALF, draw, same_length};
 use crate::number::fixed;
 use crate::report::drawing::FlankProfile;
 use crate::report::error::Error;
-use crate::report::svg::{Chart, Mark, Picture, Scale, Series};
+use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
 /// What is missing of a gear's profile over the roll angle, in µm: the modification, and with the mean wear. Removed
 /// material counts downwards.
@@ -32,11 +32,11 @@ pub fn profile(profile: &FlankProfile) -> Result<Picture, Error> {
     let [root, tip] = profile.diameters_mm.map(|diameter| fixed(diameter, 2));
     let chart = Chart {
         title: format!("Profile of the {} (K-diagram)", profile.gear),
-        x: axis(
+        x: Axis::new(
             format!("roll angle (°), between the diameters {root} and {tip} mm"),
             Scale::Linear,
         ),
-        y: axis("profile change (µm)", Scale::Linear),
+        y: Axis::new("profile change (µm)", Scale::Linear),
         series,
         size: HALF,
     };

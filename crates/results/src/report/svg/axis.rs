@@ -135,14 +135,15 @@ impl Ruler {
     fn decades(&self, mantissas: &[f64], every: i32) -> Vec<Tick> {
         let (bottom, top) = (self.low.log10().floor(), self.high.log10().ceil());
         let decades = (bottom as i32..=top as i32).filter(|e| e.rem_euclid(every) == 0);
-        let ticks = decades.flat_map(|e| mantissas.iter().map(move |m| m * 10f64.powi(e)));
+        let ticks = decades.flat_map(|e| mantissas.iter().map(move |m| (m * 10f64.powi(e), e)));
+        // One form for all labels.
+        let as_powers = mantissas.len() == 1 && (bottom < -4.0 || top > 8.0);
         let slack = 1.0 + 1e-9;
         ticks
-            .filter(|tick| self.low <= tick * slack && *tick <= self.high * slack)
-            .map(|tick| {
-                let text = number::significant(tick, 1);
-                let power = text.strip_prefix("1 × ").map(str::to_owned);
-                (tick, power.unwrap_or(text))
+            .filter(|(tick, _)| self.low <= tick * slack && *tick <= self.high * slack)
+            .map(|(tick, exponent)| match as_powers {
+                true => (tick, number::power_of_ten(exponent)),
+                false => (tick, number::significant(tick, 1)),
             })
             .collect()
     }

@@ -328,6 +328,7 @@ fn legend(canvas: &mut Canvas, shown: &[Shown<'_>], width: f64) -> f64 {
             match series.mark {
                 Mark::Dots => canvas.circle(sample[0], 3.0, &Mark::Points.class(series.colour)),
                 Mark::Shades => canvas.circle(sample[0], 4.0, &Mark::Cells.class(series.colour)),
+                Mark::Halo(_) => canvas.circle(sample[0], 5.5, &series.mark.class(series.colour)),
                 _ => draw_marks(canvas, series, &[sample]),
             }
             canvas.label([end + 5.0, at[1]], name);
