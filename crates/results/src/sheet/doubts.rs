@@ -58,8 +58,8 @@ pub fn doubts(pair: &Pair, loaded: &Loaded) -> Vec<String> {
         let share = relief.map_or(0.0, |relief| relief.length / (end - start));
         if share > MOST_RELIEF {
             doubts.push(format!(
-                "the tip relief of the {gear} covers {:.0} % of the path of contact: with more than half, no part of the flank is \
-                 left as it was cut; shorten corrections.tip_relief_length_mm",
+                "the tip relief of the {gear} covers {:.0} % of the path of contact, more than half, which costs contact ratio at \
+                 light loads: shorten corrections.tip_relief_length_mm",
                 100.0 * share
             ));
         }
