@@ -249,7 +249,7 @@ fn corrections_and_load_cases_go_through_a_campaign() {
             let export = ["export", "--db", db, "--table", name, "--out", &out];
             assert_code(&sandbox.coordinator(&export), 0);
         };
-        ["samples", "designs", "optima"].map(table);
+        ["samples", "designs", "optima"].iter().for_each(|name| table(name));
     }
     for name in ["samples", "designs", "optima"] {
         let [one, three] = ["a.db", "b.db"].map(|db| csv(&sandbox, &format!("{name}-{db}.csv")));
@@ -312,7 +312,7 @@ fn a_signal_ends_a_study_that_leaves_nothing_behind() {
     let study = [&["sensitivity", &file, "--db", "small.db"], &rows[..]].concat();
     for signal in ["INT", "TERM"] {
         let log = [("PITCHLINE_LOG", "info")];
-        let mut study = sandbox.start_with("coordinator", &study, &log);
+        let study = sandbox.start_with("coordinator", &study, &log);
         std::thread::sleep(Duration::from_secs(3));
         let since = Instant::now();
         study.signal(signal);

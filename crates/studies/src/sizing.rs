@@ -314,11 +314,19 @@ fn lines(all: &[Sized]) -> Vec<PercentileSeries> {
             points.extend(one.verified.or(searched).map(|measure| (teeth, measure)));
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let of_module = all.iter().filter(|one| one.size.module_mm == module);
+        let mut infeasible: Vec<f64> = of_module
+            .map(|one| f64::from(one.size.teeth[0]))
+            .filter(|teeth| points.iter().all(|(known, _)| known != teeth))
+            .collect();
+        infeasible.sort_by(f64::total_cmp);
+        infeasible.dedup();
         PercentileSeries {
             name: module.map_or_else(
                 || "best size".to_owned(),
                 |module| format!("module {module} mm"),
             ),
+            infeasible,
             points,
         }
     };
