@@ -210,12 +210,22 @@ fn merged(text: &str, changes: &str) -> String {
     let mut changes = sections(changes);
     let preamble = changes.remove(0);
     assert!(preamble.trim().is_empty(), "not in a section: {preamble}");
+    // Several sections of one list take the place of the whole list.
+    let count = |one: &String| {
+        changes
+            .iter()
+            .filter(|other| header(other) == header(one))
+            .count()
+    };
+    let (lists, changes): (Vec<_>, Vec<_>) = changes.iter().partition(|one| count(one) > 1);
+    all.retain(|held| lists.iter().all(|list| header(list) != header(held)));
     for change in changes {
-        match all.iter_mut().find(|held| header(held) == header(&change)) {
-            Some(held) => *held = change,
-            None => all.push(change),
+        match all.iter_mut().find(|held| header(held) == header(change)) {
+            Some(held) => held.clone_from(change),
+            None => all.push(change.clone()),
         }
     }
+    all.extend(lists.into_iter().cloned());
     all.concat()
 }
 

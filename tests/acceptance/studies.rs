@@ -249,7 +249,9 @@ fn corrections_and_load_cases_go_through_a_campaign() {
             let export = ["export", "--db", db, "--table", name, "--out", &out];
             assert_code(&sandbox.coordinator(&export), 0);
         };
-        ["samples", "designs", "optima"].iter().for_each(|name| table(name));
+        ["samples", "designs", "optima"]
+            .iter()
+            .for_each(|name| table(name));
     }
     for name in ["samples", "designs", "optima"] {
         let [one, three] = ["a.db", "b.db"].map(|db| csv(&sandbox, &format!("{name}-{db}.csv")));

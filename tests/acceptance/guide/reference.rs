@@ -138,6 +138,7 @@ fn kind(node: &Value) -> String {
             "list of lists of lists of numbers"
         }
         ("array", "array", _) => "list of lists of numbers",
+        ("array", ..) if node["items"]["$ref"].is_string() => "list of sections, see below",
         ("object", ..) if node["additionalProperties"]["$ref"].is_string() => "table of sections",
         ("object", ..) => "table of texts",
         _ => panic!("a value has no name: {node}"),
@@ -182,6 +183,7 @@ fn page(format: &Format<'_>, shown_before: &mut BTreeSet<String>) -> String {
                 let _ = write!(out, "{}\n\n", text.trim());
             }
             out += &table;
+            out += &lists(format, &name, section);
         } else {
             let _ = write!(
                 out,
@@ -191,6 +193,23 @@ fn page(format: &Format<'_>, shown_before: &mut BTreeSet<String>) -> String {
         }
     }
     out.trim_end().to_owned()
+}
+
+/// The lists of sections within a section, such as `[[load.cases]]`.
+fn lists(format: &Format<'_>, name: &str, section: &Value) -> String {
+    let mut out = String::new();
+    for (key, property) in section["properties"].as_object().into_iter().flatten() {
+        let (of, of_type) = format.resolved(&property["items"]);
+        if of_type.is_some() && of["type"] == "object" {
+            let head = format!("[[{name}.{key}]]");
+            let _ = write!(
+                out,
+                "### `{head}`, optional\n\n{}",
+                table(format, &head, of)
+            );
+        }
+    }
+    out
 }
 
 fn requires(of: &Value, key: &str) -> bool {
