@@ -292,8 +292,8 @@ fn init_writes_a_file_that_check_accepts() {
     assert_code(&output, 0);
     let plan = printed(&output);
     for part in [
-        "60 designs",
-        "at most 1800 samples",
+        "150 designs",
+        "at most 4500 samples",
         "core-seconds",
         "23 and 47 teeth",
         "of 40 random designs are feasible",
