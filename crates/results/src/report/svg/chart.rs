@@ -76,9 +76,9 @@ pub enum Mark {
     Thin(&'static str),
     /// Half-transparent dots.
     Dots,
-    /// Dots in one of [`SHADES`] shades, from the least to the greatest.
+    /// Dots in one of `SHADES` shades, from the least to the greatest.
     Shades,
-    /// Rectangles in one of [`SHADES`] shades; points are pairs of opposite corners. In the legend all shades together
+    /// Rectangles in one of `SHADES` shades; points are pairs of opposite corners. In the legend all shades together
     /// are a bar between the names of the first and the last such series.
     Cells,
     /// Half-transparent rectangles; points are pairs of opposite corners.
