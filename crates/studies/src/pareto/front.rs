@@ -21,7 +21,7 @@ const REACH: f64 = 0.15;
 /// The second objective.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Objective {
-    /// F, the largest contact pressure with Archard's wear
+    /// p_H, the largest contact pressure with Archard's wear
     Pressure,
     /// σ_vm, the larger root stress
     RootStress,
@@ -38,7 +38,7 @@ impl Objective {
 
     pub(super) const fn label(self) -> &'static str {
         match self {
-            Self::Pressure => "contact pressure F (MPa)",
+            Self::Pressure => "contact pressure p_H (MPa)",
             Self::RootStress => "root stress σ_vm (MPa)",
         }
     }
