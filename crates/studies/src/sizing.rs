@@ -1,7 +1,7 @@
 //! `coordinator sizing`: pairs with other teeth and modules, each at its own optimum, in the order of their percentiles.
 //!
 //! Each pair of tooth numbers within a tolerance of the gear ratio, with each module, is a size. A direct search
-//! finds the best design of a size (see [`direct`](crate::direct)), and the best sizes get verification samples.
+//! finds the best design of a size (see [`direct`]), and the best sizes get verification samples.
 
 use std::path::Path;
 
