@@ -316,9 +316,10 @@ fn a_signal_ends_a_study_that_leaves_nothing_behind() {
     let rows = ["--rows", "60000", "--out", "tables"];
     let study = [&["sensitivity", &file, "--db", "small.db"], &rows[..]].concat();
     for signal in ["INT", "TERM"] {
-        let log = [("PITCHLINE_LOG", "info")];
-        let study = sandbox.start_with("coordinator", &study, &log);
-        std::thread::sleep(Duration::from_secs(3));
+        let log = [("PITCHLINE_LOG", "debug")];
+        let mut study = sandbox.start_with("coordinator", &study, &log);
+        study.wait_for_line("simulating deviations");
+        std::thread::sleep(Duration::from_millis(200));
         let since = Instant::now();
         study.signal(signal);
         let (status, said) = study.finish();

@@ -86,10 +86,7 @@ impl Pair {
             depth: self.depth(wear),
             adds_material: wear.law.adds_material(),
         };
-        match wear.life {
-            Some(_) => whole.scaled(wear.mean_share()),
-            None => whole,
-        }
+        whole.scaled(wear.mean_share())
     }
 
     /// Wears both flanks by the mean wear under the pair's own load, and analyses the worn pair.

@@ -5,7 +5,6 @@
 //! - [`sensitivity`] splits the variance of an optimum's percentile among tolerances.
 //! - [`pareto`] weighs the percentile against a second objective.
 //! - [`simulate`] computes one pair of gears, and [`um_bridge`] offers a campaign's gears to other programs.
-//! - [`rexs`] writes such a pair in the exchange format of gear programs.
 //! - [`direct`] searches the least percentile, and [`samples`] draws the verification samples of the result.
 //! - [`finished`] reads the finished campaign of a study, [`refusal`] has the reasons to refuse one, and [`table`]
 //!   writes the results.
@@ -19,7 +18,6 @@ pub mod direct;
 pub mod finished;
 pub mod pareto;
 pub mod refusal;
-pub mod rexs;
 pub mod samples;
 pub mod sensitivity;
 pub mod simulate;

@@ -237,29 +237,23 @@ fn summary(campaign: &Campaign, all: &[Sized]) -> PageTable {
             continue;
         };
         let [pinion, mate] = one.size.teeth;
-        let geometry = one.geometry(best);
+        let problem = Problem::new(one.size.campaign.clone());
+        let unloaded = problem.gears().map(|gears| gears.unloaded(&best.design));
+        let distance = unloaded
+            .and_then(Result::ok)
+            .map_or(f64::NAN, |pair| pair.geometry().centre_distance);
         table.rows.push(vec![
             (place + 1).to_string(),
             format!("{pinion} : {mate}"),
             fixed(f64::from(mate) / f64::from(pinion), 4),
             fixed(best.criteria.gears().normal_module_mm, 3),
-            fixed(geometry, 3),
+            fixed(distance, 3),
             fixed(best.criterion, 3),
             with_interval(verified),
             format!("pair-{}.toml", place + 1),
         ]);
     }
     table
-}
-
-impl Sized {
-    /// The centre distance of the design, mm.
-    fn geometry(&self, best: &Solution) -> f64 {
-        let problem = Problem::new(self.size.campaign.clone());
-        let unloaded = problem.gears().map(|gears| gears.unloaded(&best.design));
-        let unloaded = unloaded.and_then(Result::ok);
-        unloaded.map_or(f64::NAN, |pair| pair.geometry().centre_distance)
-    }
 }
 
 fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {

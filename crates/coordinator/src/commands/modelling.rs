@@ -12,7 +12,7 @@ use results::table::VersionedObject;
 use runner::exit::{self, ProgramError};
 use store::Store;
 use tokio_util::sync::CancellationToken;
-use tracing::{info, warn};
+use tracing::{debug, info, warn};
 
 use super::output::{self, print_either};
 use super::{read, read_bytes};
@@ -112,10 +112,11 @@ pub(super) async fn interruptible<T: Send + 'static>(
 ) -> Result<Option<T>, ProgramError> {
     let bar = runner::console::bars().add(ProgressBar::new_spinner());
     bar.set_style(ProgressStyle::with_template("{spinner} {msg}, {elapsed}")?);
-    bar.set_message(doing);
+    bar.set_message(doing.clone());
     bar.enable_steady_tick(Duration::from_millis(200));
     let shutdown = CancellationToken::new();
     tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
+    debug!("{doing}");
     let found = tokio::select! {
         found = tokio::task::spawn_blocking(work) => Some(found?),
         () = shutdown.cancelled() => None,

@@ -7,6 +7,8 @@ use super::{
     Setting, TIP_RADII, gear_size,
 };
 
+/// Soft plastics for gears have about this modulus.
+const SOFTEST_GPA: f64 = 1.0;
 /// A larger modulus was probably given in MPa. Tungsten carbide has about 650 GPa.
 const STIFFEST_GPA: f64 = 1000.0;
 /// Common face widths in mm, from watch wheels to ring mills.
@@ -82,6 +84,11 @@ fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<Stri
         warnings.push(format!(
             "material.youngs_modulus_gpa is {modulus} GPa: did you mean {}?",
             modulus * 1e-3
+        ));
+    }
+    if modulus < SOFTEST_GPA {
+        warnings.push(format!(
+            "material.youngs_modulus_gpa is {modulus} GPa, less than that of soft plastics: steel has 206"
         ));
     }
     let [least, most] = FACE_WIDTH_MM;
@@ -402,6 +409,11 @@ mod tests {
     #[test]
     fn a_campaign_is_warned_of_doubtful_units_and_of_frozen_values_outside_its_bounds() {
         for (from, to, part) in [
+            (
+                "youngs_modulus_gpa = 200.0",
+                "youngs_modulus_gpa = 0.2",
+                "material.youngs_modulus_gpa is 0.2 GPa, less than that of soft plastics",
+            ),
             (
                 "youngs_modulus_gpa = 200.0",
                 "youngs_modulus_gpa = 206000.0",

@@ -1,10 +1,12 @@
 //! `[load]`: the torque, and the cases in which the transmission error counts.
 
+use std::collections::BTreeMap;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::FileError;
 use super::validate::Source;
+use super::{FileError, Several};
 
 /// `[load]`: the torque that wears the flanks and that strength and pressure are rated at.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -22,7 +24,7 @@ pub struct Load {
 
 /// One of `[[load.cases]]`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, default)]
 pub struct LoadCase {
     /// Name in tables, of letters, digits and underscores; the case's number if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -31,7 +33,6 @@ pub struct LoadCase {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pinion_torque_nm: Option<f64>,
     /// Share of the wear's depth: 0 for new flanks, 1, the default, for the depth of `[wear]`.
-    #[serde(default = "whole")]
     pub wear: f64,
     /// Weight of the case, given in all cases or in none.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -41,36 +42,30 @@ pub struct LoadCase {
     pub delta_ste_max_um: Option<f64>,
 }
 
-const fn whole() -> f64 {
-    1.0
+/// The whole wear under the load's torque.
+impl Default for LoadCase {
+    fn default() -> Self {
+        Self {
+            name: None,
+            pinion_torque_nm: None,
+            wear: 1.0,
+            weight: None,
+            delta_ste_max_um: None,
+        }
+    }
 }
 
 /// The most cases of a load.
 const MOST_CASES: usize = 8;
 
 impl Load {
-    /// A load without cases.
-    #[must_use]
-    pub const fn of(pinion_torque_nm: f64) -> Self {
-        Self {
-            pinion_torque_nm,
-            cases: Vec::new(),
-        }
-    }
-
     /// The cases, of which there is at least one: the whole wear under the load's torque.
     #[must_use]
     pub fn all_cases(&self) -> Vec<LoadCase> {
-        if !self.cases.is_empty() {
-            return self.cases.clone();
+        match self.cases.is_empty() {
+            true => vec![LoadCase::default()],
+            false => self.cases.clone(),
         }
-        vec![LoadCase {
-            name: None,
-            pinion_torque_nm: None,
-            wear: whole(),
-            weight: None,
-            delta_ste_max_um: None,
-        }]
     }
 
     /// The torque of a case, N·m.
@@ -99,12 +94,25 @@ impl Load {
         Some(weights.iter().map(|weight| weight / sum).collect())
     }
 
+    /// The combination of the ΔSTE of all cases that counts, and the places of the cases in it; `None` without cases.
+    pub(crate) fn combination(&self) -> Option<(Several, Vec<usize>)> {
+        let names = self.case_names();
+        let Some(weights) = self.weights() else {
+            let places = (0..names.len()).collect();
+            return (!names.is_empty()).then_some((Several::Greatest(names), places));
+        };
+        let sum: BTreeMap<String, f64> = names.iter().cloned().zip(weights).collect();
+        // In the order of the sum's weights.
+        let place = |name: &String| names.iter().position(|one| one == name);
+        let places = sum.keys().filter_map(place).collect();
+        Some((Several::Sum(sum), places))
+    }
+
     /// The ΔSTE that counts of those in all cases.
-    #[must_use]
-    pub fn combined(&self, values: &[f64]) -> f64 {
-        match self.weights() {
-            Some(weights) => weights.iter().zip(values).map(|(w, v)| w * v).sum(),
-            None => values.iter().copied().reduce(f64::max).unwrap_or(f64::NAN),
+    pub(crate) fn combined(&self, values: &[f64]) -> f64 {
+        match self.combination() {
+            None => values[0],
+            Some((several, places)) => several.of(places.into_iter().map(|place| values[place])),
         }
     }
 
@@ -113,6 +121,7 @@ impl Load {
         let (cases, count) = ("load.cases", self.cases.len());
         source.require(count <= MOST_CASES, cases, count, "at most eight cases")?;
         let names = self.case_names();
+        let is_weighted = self.cases.iter().any(|case| case.weight.is_some());
         for (place, (case, name)) in self.cases.iter().zip(&names).enumerate() {
             let key = |key: &str| format!("load.cases[{}].{key}", place + 1);
             let is_plain = |c: char| c.is_ascii_alphanumeric() || c == '_';
@@ -128,21 +137,16 @@ impl Load {
                 source.between(&key("pinion_torque_nm"), torque, 0.0, 1e12)?;
             }
             source.within(&key("wear"), case.wear, 0.0, 100.0, "")?;
-            match (case.weight, self.cases[0].weight) {
-                (Some(weight), _) => source.positive(&key("weight"), weight)?,
-                (None, Some(_)) => {
+            match case.weight {
+                Some(weight) => source.positive(&key("weight"), weight)?,
+                None if is_weighted => {
                     return Err(source.missing(&key("weight"), "given in all cases or in none"));
                 }
-                (None, None) => {}
+                None => {}
             }
             if let Some(limit) = case.delta_ste_max_um {
                 source.positive(&key("delta_ste_max_um"), limit)?;
             }
-        }
-        let has_weights = self.cases.iter().filter(|case| case.weight.is_some());
-        let expected = "given in all cases or in none";
-        if has_weights.count() % count.max(1) != 0 {
-            return Err(source.missing("load.cases[1].weight", expected));
         }
         Ok(())
     }

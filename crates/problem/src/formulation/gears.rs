@@ -24,7 +24,7 @@ pub use limits::constraints;
 pub(super) use spaces::{base, free, whole};
 use variables::variable_names;
 pub(super) use variables::variables;
-pub use variables::{ALL_VARIABLES, CORRECTION_NAMES, GearVariables, VARIABLE_NAMES};
+pub use variables::{ALL_VARIABLES, GearVariables, VARIABLE_NAMES};
 
 /// The values common to all pairs of a campaign.
 #[derive(Debug, Clone)]

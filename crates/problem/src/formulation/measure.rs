@@ -3,7 +3,7 @@
 use stats::{IntervalEstimate, Samples};
 
 use super::{Bound, Constraint, Quantity};
-use crate::file::{Aim, Combination, ExternalSections, Load, Objective, Sampling, Several};
+use crate::file::{Aim, Combination, ExternalSections, Load, Objective, Sampling};
 
 /// The probability with which a measure keeps the limit by which its estimate or prediction is judged.
 const HOLDS: f64 = 0.95;
@@ -58,21 +58,9 @@ impl ResponseMeasure {
         sampling: &Sampling,
     ) -> Vec<Self> {
         let mut objective = Self::of_one(combined, sampling);
-        if !load.cases.is_empty() {
-            let names = cases.iter().map(|case| case.name.to_string());
-            let combined = match load.weights() {
-                Some(weights) => Several::Sum(names.zip(weights).collect()),
-                None => Several::Greatest(names.collect()),
-            };
-            objective.places = match &combined {
-                // In the order of the names, as the sum has its weights.
-                Several::Sum(weights) => weights
-                    .keys()
-                    .filter_map(|name| cases.iter().position(|case| case.name == *name))
-                    .collect(),
-                _ => (0..cases.len()).collect(),
-            };
-            objective.stated.objective.response = Some(Combination::Several(combined));
+        if let Some((several, places)) = load.combination() {
+            objective.places = places;
+            objective.stated.objective.response = Some(Combination::Several(several));
         }
         let limited = load.cases.iter().zip(cases).enumerate();
         let limited = limited.filter_map(|(place, (case, quantity))| {

@@ -7,7 +7,8 @@ use results::sheet::{self, Section};
 use results::table::{Column, Table};
 
 use super::Subject;
-use crate::rexs;
+
+mod rexs;
 
 /// Points on each involute and each fillet of a profile and of an outline.
 const POINTS: usize = 40;

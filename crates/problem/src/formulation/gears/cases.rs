@@ -5,7 +5,7 @@ use std::sync::Arc;
 use gear::{Analysis, FlankWear, Pair, Sampler, Scatter, Wear};
 use rand::Rng;
 
-use crate::file::Load;
+use crate::file::{Load, LoadCase};
 
 /// A pair under the torque and with the share of wear of each case.
 #[derive(Debug, Clone)]
@@ -32,7 +32,7 @@ impl LoadedCases {
         scatter: Scatter,
     ) -> Result<Self, gear::Infeasibility> {
         let pair = Arc::new(pair);
-        let of = |case: &crate::file::LoadCase| {
+        let of = |case: &LoadCase| {
             let torque = 1e3 * load.torque_of(case);
             let loaded = match torque == pair.input().pinion_torque {
                 true => Arc::clone(&pair),
@@ -70,10 +70,7 @@ impl LoadedCases {
     }
 
     fn flanks_of(&self, share: f64) -> FlankWear {
-        match share == 1.0 {
-            true => self.flanks.clone(),
-            false => self.flanks.clone().scaled(share),
-        }
+        self.flanks.clone().scaled(share)
     }
 
     /// The random pairs of a sampling, with their ΔSTE in every case.

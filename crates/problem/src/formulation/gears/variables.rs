@@ -24,7 +24,7 @@ pub const VARIABLE_NAMES: [&str; ALL_VARIABLES] = [
 ];
 
 /// The names of the corrections in their order, which follow those of the pair in campaigns with `[corrections]`.
-pub const CORRECTION_NAMES: [&str; CORRECTIONS] = [
+const CORRECTION_NAMES: [&str; CORRECTIONS] = [
     "tip_relief_p_um",
     "tip_relief_r_um",
     "tip_relief_length_p_mm",

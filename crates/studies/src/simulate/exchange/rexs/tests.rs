@@ -2,40 +2,30 @@ use gear::{Discretisation, UnloadedPair};
 use roxmltree::{Document, Node};
 
 use super::*;
+use crate::simulate::tests::PAIR;
 
 /// Attributes with their units and relations of the components that are written, from `rexs_schema_1.5.xml` in the
 /// repository `fva-net/rexs-api-java` (Apache-2.0).
 const ATTRIBUTES: &str = include_str!("schema_1.5.csv");
 const RELATIONS: &str = include_str!("relations_1.5.csv");
 
-const PAIR: &str = r#"[pair]
-teeth = [23, 37]
-normal_module_mm = 2.0
-pressure_angle_deg = 20.0
-helix_angle_deg = 15.0
-face_width_mm = 25.0
-profile_shift = [0.2, 0.1]
-tool_addendum = [1.25, 1.25]
-tool_dedendum = [1.0, 1.0]
-tip_radius_mm = [0.1, 0.1]
-root_radius_mm = [0.6, 0.6]
-hub_radius_mm = [12.0, 20.0]
-[load]
-pinion_torque_nm = 100.0
-[material]
-name = "16MnCr5"
-[manufacture]
-flank_class = 6
-[corrections]
-tip_relief_um = [6.0, 0.0]
-tip_relief_length_mm = [2.0, 0.0]
-tip_relief_shape = "parabolic"
-crowning_um = 4.0
-helix_slope_um = -3.0
-"#;
+/// A helical pair with all that the format has a place for.
+fn text() -> String {
+    let changes = [
+        ("helix_angle_deg = 0.0", "helix_angle_deg = 15.0"),
+        ("[load]", "hub_radius_mm = [12.0, 20.0]\n[load]"),
+        ("[material]", "[material]\nname = \"16MnCr5\""),
+    ];
+    let text = changes
+        .iter()
+        .fold(PAIR.to_owned(), |text, (from, to)| text.replace(from, to));
+    text + "[manufacture]\nflank_class = 6\n[corrections]\ntip_relief_um = [6.0, 0.0]\n\
+            tip_relief_length_mm = [2.0, 0.0]\ntip_relief_shape = \"parabolic\"\ncrowning_um = 4.0\n\
+            helix_slope_um = -3.0\n"
+}
 
 fn written() -> (PairFile, UnloadedPair, String) {
-    let file = PairFile::parse("p.toml", PAIR).unwrap();
+    let file = PairFile::parse("p.toml", &text()).unwrap();
     let grid = Discretisation::of(file.pair.tooth_model);
     let pair = UnloadedPair::new(&file.to_gear(), &file.corrections(), &grid).unwrap();
     let xml = write("A & B <1>", "1.2.3", &file, &pair);

@@ -2,7 +2,7 @@
 //!
 //! Components, attributes, units and relations are those of `rexs_schema_1.5.xml` and `rexs-file.xsd` in the repository
 //! `fva-net/rexs-api-java`. Attributes that REXS does not have begin with `custom_`, as other programs' do. Wear, strength
-//! factors and constraints have no place in REXS.
+//! factors and constraints have no place in REXS. Of the load only its own torque is written, not its cases.
 
 use std::fmt::{Display, Write as _};
 
@@ -79,7 +79,12 @@ fn escaped(text: &str) -> String {
 
 /// The pair of a file as XML, with its torque as a load case. The file has no date, so that equal pairs give equal files.
 #[must_use]
-pub fn write(title: &str, program_version: &str, file: &PairFile, pair: &UnloadedPair) -> String {
+pub(super) fn write(
+    title: &str,
+    program_version: &str,
+    file: &PairFile,
+    pair: &UnloadedPair,
+) -> String {
     let (model, pinion) = model(title, file, pair);
     let mut xml = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model version=\"1.5\" applicationId=\"Pitchline\" \
