@@ -53,12 +53,6 @@ impl Analysis {
     }
 }
 
-/// E* = E/(2 (1 − ν²)) of the contact, MPa.
-fn contact_modulus(input: &PairInput) -> f64 {
-    let nu = input.material.poisson_ratio;
-    input.material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu))
-}
-
 /// Hertz pressure at each of the places `s` under the line load `carried`, MPa: √(w E*/(π R)).
 pub(crate) fn pressures(
     input: &PairInput,
@@ -66,7 +60,7 @@ pub(crate) fn pressures(
     s: &[f64],
     carried: &[f64],
 ) -> Vec<f64> {
-    let modulus = contact_modulus(input);
+    let modulus = input.contact_modulus();
     s.iter()
         .zip(carried)
         .map(|(&s, w)| (w * modulus / (PI * geometry.relative_radius(s))).sqrt())
@@ -81,7 +75,7 @@ pub(crate) fn line_loads(
     s: &[f64],
     pressure: &[f64],
 ) -> Vec<f64> {
-    let modulus = contact_modulus(input);
+    let modulus = input.contact_modulus();
     s.iter()
         .zip(pressure)
         .map(|(&s, p)| p * p * PI * geometry.relative_radius(s) / modulus)

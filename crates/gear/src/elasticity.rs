@@ -2,10 +2,8 @@
 //!
 //! With `weber-banaschek` the contact's approach depends on the load w,
 //! q_H(w) = 2 (1 − ν²)/(π E) [ln(4 t1 t2/a_H²) − ν/(1 − ν)], a_H² = 8 w R (1 − ν²)/(π E), with t_i the
-//! half thicknesses along the load line and R the relative radius. The other models take a constant.
-
-use std::f64::consts::PI;
-
+//! half thicknesses along the load line and R the relative radius. That is for equal materials; otherwise each gear adds
+//! its half with its own E, ν and t. The other models take a constant.
 use crate::coupled::body::Body;
 use crate::input::{Member, ToothModel};
 use crate::path::Place;
@@ -72,14 +70,17 @@ impl UnloadedPair {
             if let Some(bodies) = &bodies {
                 station = tooth.station(&load);
                 let own = bodies[i].own(station.u, station.u);
-                compliance += own / input.material.youngs_modulus_mpa;
+                compliance += own / input.material[i].youngs_modulus_mpa;
             }
             (compliance, load.half_thickness, station)
         });
+        // Each gear's approach counts by its share of the surfaces' compliance, which is a half for equal materials.
+        let surface = input.surface_compliance();
+        let weigh = |depth: f64, i: usize| depth.powf(2.0 * surface[i] / (surface[0] + surface[1]));
         NodeCompliance {
             touching: ContactPlace {
                 s,
-                thickness: pinion.1 * gear.1,
+                thickness: weigh(pinion.1, 0) * weigh(gear.1, 1),
             },
             teeth: pinion.0 + gear.0,
             stations: [pinion.2, gear.2],
@@ -88,9 +89,9 @@ impl UnloadedPair {
 
     /// Compliance of the contact under the line load `w`, N/mm; mm per N/mm.
     pub(crate) fn contact(&self, at: &ContactPlace, w: f64) -> f64 {
-        let material = &self.input().material;
-        let nu = material.poisson_ratio;
-        let unit = 2.0 * (1.0 - nu * nu) / (PI * material.youngs_modulus_mpa);
+        let input = self.input();
+        let surface = input.surface_compliance();
+        let unit = surface[0] + surface[1];
         match self.input().tooth_model {
             ToothModel::HertzBeam | ToothModel::WholeFaceBeam | ToothModel::PrismaticBeam => {
                 2.0 * unit
@@ -98,7 +99,11 @@ impl UnloadedPair {
             ToothModel::WeberBanaschek | ToothModel::Coupled => {
                 let half_width_squared = 4.0 * unit * w * self.geometry().relative_radius(at.s);
                 let bracket = if half_width_squared > 0.0 {
-                    (4.0 * at.thickness / half_width_squared).ln() - nu / (1.0 - nu)
+                    let lateral = [0, 1].map(|i| {
+                        let nu = input.material[i].poisson_ratio;
+                        surface[i] / unit * (nu / (1.0 - nu))
+                    });
+                    (4.0 * at.thickness / half_width_squared).ln() - (lateral[0] + lateral[1])
                 } else {
                     f64::INFINITY
                 };

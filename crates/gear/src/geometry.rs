@@ -371,7 +371,8 @@ impl Geometry {
         let (s_in, s_out) = (path_length - reach[1], reach[0]);
         let base_pitch = PI * m_t * cos_t;
         let eps_alpha = (s_out - s_in) / base_pitch;
-        let eps_beta = input.face_width * beta.sin() / (PI * m);
+        let face_width = input.face_width[0].min(input.face_width[1]);
+        let eps_beta = face_width * beta.sin() / (PI * m);
         Ok(Self {
             teeth: input.teeth,
             normal_module: m,
@@ -381,7 +382,7 @@ impl Geometry {
             alpha_wt: tan_wt.atan(),
             beta,
             beta_b: (beta.sin() * alpha_n.cos()).asin(),
-            face_width: input.face_width,
+            face_width,
             r,
             r_b,
             r_a,

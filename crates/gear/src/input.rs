@@ -2,6 +2,7 @@
 
 mod wear;
 
+use std::f64::consts::PI;
 use std::fmt;
 
 use schemars::JsonSchema;
@@ -193,7 +194,7 @@ impl Rack {
     }
 }
 
-/// The material of both gears.
+/// The elasticity of a gear's material.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Material {
     /// E, MPa.
@@ -213,8 +214,9 @@ pub struct PairInput {
     pub pressure_angle: f64,
     /// Helix angle β at the reference cylinder, rad. Its sign changes nothing.
     pub helix_angle: f64,
-    /// Common face width b, mm.
-    pub face_width: f64,
+    /// Face widths b, mm. Teeth touch over the smaller one; what a wider gear has beyond it counts in its root's
+    /// rating and its helix tolerance only.
+    pub face_width: [f64; 2],
     /// Profile shift (addendum modification) coefficients x, in normal modules.
     pub profile_shift: [f64; 2],
     /// Addendum of the rack tool ha0, in normal modules. It cuts the gear's root.
@@ -236,8 +238,8 @@ pub struct PairInput {
     pub tip_rule: TipRule,
     /// Torque on the pinion T1, N·mm.
     pub pinion_torque: f64,
-    /// Material of both gears.
-    pub material: Material,
+    /// Materials.
+    pub material: [Material; 2],
 }
 
 /// Smallest and largest length accepted, mm. Wide enough for watches and ring mills; narrow
@@ -285,7 +287,9 @@ impl PairInput {
             -60.000_001 * degree..=60.000_001 * degree,
             "an angle between -60 and 60 degrees, in radians",
         )?;
-        length("face_width", self.face_width)?;
+        for width in self.face_width {
+            length("face_width", width)?;
+        }
         for (names, values, range, expected) in [
             (
                 ["profile_shift[0]", "profile_shift[1]"],
@@ -344,26 +348,49 @@ impl PairInput {
             0.0..=1e15,
             "a torque from 0 to 1e15 N mm",
         )?;
-        self.material.validate()
+        let [pinion, gear] = &self.material;
+        pinion.validate([
+            "material[0].youngs_modulus_mpa",
+            "material[0].poisson_ratio",
+        ])?;
+        gear.validate([
+            "material[1].youngs_modulus_mpa",
+            "material[1].poisson_ratio",
+        ])
+    }
+
+    /// The compliance (1 − ν²)/(π E) of each gear's surface, 1/MPa: in line contact a load per length w flattens it by
+    /// twice this times w, times a logarithm.
+    pub(crate) fn surface_compliance(&self) -> [f64; 2] {
+        self.material
+            .map(|one| one.plane() / (PI * one.youngs_modulus_mpa))
+    }
+
+    /// E* of the contact, MPa, with 1/E* = (1 − ν1²)/E1 + (1 − ν2²)/E2.
+    pub(crate) fn contact_modulus(&self) -> f64 {
+        let [pinion, gear] = &self.material;
+        let ratio = pinion.youngs_modulus_mpa / gear.youngs_modulus_mpa;
+        pinion.youngs_modulus_mpa / (pinion.plane() + gear.plane() * ratio)
+    }
+
+    /// The harmonic mean 2 E1 E2/(E1 + E2) of both gears' moduli, MPa.
+    pub(crate) fn mean_modulus(&self) -> f64 {
+        let [first, second] = self.material.map(|one| one.youngs_modulus_mpa);
+        first / (0.5 + 0.5 * (first / second))
     }
 }
 
 impl Material {
     /// Checks that every number is finite and inside the domain of the model.
-    fn validate(&self) -> Result<(), InputError> {
-        let modulus = self.youngs_modulus_mpa;
-        check_range(
-            "youngs_modulus_mpa",
-            modulus,
-            1e-3..=1e9,
-            "from 1e-3 to 1e9 MPa",
-        )?;
-        check_range(
-            "poisson_ratio",
-            self.poisson_ratio,
-            0.0..=0.499,
-            "between 0 and 0.499",
-        )
+    fn validate(&self, fields: [&'static str; 2]) -> Result<(), InputError> {
+        let (modulus, poisson) = (self.youngs_modulus_mpa, self.poisson_ratio);
+        check_range(fields[0], modulus, 1e-3..=1e9, "from 1e-3 to 1e9 MPa")?;
+        check_range(fields[1], poisson, 0.0..=0.499, "between 0 and 0.499")
+    }
+
+    /// 1 − ν², by which plane strain stiffens.
+    fn plane(&self) -> f64 {
+        1.0 - self.poisson_ratio * self.poisson_ratio
     }
 }
 

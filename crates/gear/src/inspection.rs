@@ -1,7 +1,7 @@
 //! Dimensions for drawing and inspection of a gear: form circles, thicknesses, span and balls.
 //!
-//! The simulation does not depend on this module. All dimensions are nominal: teeth have the thickness that follows from
-//! the profile shift, without allowances.
+//! The simulation does not depend on this module. Dimensions are nominal: teeth have the thickness that follows from the
+//! profile shift. [`Limits`] are those with allowances.
 //!
 //! Reference: ISO 21771:2007.
 
@@ -12,9 +12,11 @@ use crate::input::Member;
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::unloaded::UnloadedPair;
 
+mod limits;
 mod sheet;
 
-pub use sheet::Sheet;
+pub use limits::{Allowances, Limits};
+pub use sheet::{Sheet, relief_length};
 
 /// Common diameters of measuring balls, mm.
 const BALLS: [f64; 48] = [

@@ -59,7 +59,7 @@
 //!     size: Size::NormalModule(2.0),
 //!     pressure_angle: 20_f64.to_radians(),
 //!     helix_angle: 0.0,
-//!     face_width: 25.0,
+//!     face_width: [25.0; 2],
 //!     profile_shift: [0.2, 0.1],
 //!     tool_addendum: [1.25; 2],
 //!     tool_dedendum: [1.0; 2],
@@ -70,10 +70,10 @@
 //!     tooth_model: ToothModel::WeberBanaschek,
 //!     tip_rule: TipRule::AsCut,
 //!     pinion_torque: 100e3,
-//!     material: Material {
+//!     material: [Material {
 //!         youngs_modulus_mpa: 206e3,
 //!         poisson_ratio: 0.3,
-//!     },
+//!     }; 2],
 //! };
 //! let bare = Pair::new(&input, &Discretisation::default())?;
 //! let relief = TipRelief { amount: 0.006, length: 2.0, shape: ReliefShape::Linear };

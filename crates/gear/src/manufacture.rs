@@ -102,12 +102,10 @@ impl FlankClass {
         1e-3 * class_5_um * self.step()
     }
 
-    /// The helix slope tolerances of both gears of a pair, mm.
+    /// The helix slope tolerances of both gears of a pair with these face widths, mm.
     #[must_use]
-    pub fn helix_slope_tolerances(self, geometry: &Geometry) -> [f64; 2] {
-        geometry
-            .r
-            .map(|r| self.helix_slope_tolerance(2.0 * r, geometry.face_width))
+    pub fn helix_slope_tolerances(self, geometry: &Geometry, face_width: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|i| self.helix_slope_tolerance(2.0 * geometry.r[i], face_width[i]))
     }
 
     /// The class's tolerance as a multiple of that of class 5.
@@ -197,7 +195,8 @@ impl Deviations {
         let mut tilts = Vec::new();
         if may_tilt {
             if let Some(class) = class {
-                let [pinion, gear] = of(class.helix_slope_tolerances(geometry));
+                let [pinion, gear] =
+                    of(class.helix_slope_tolerances(geometry, pair.input().face_width));
                 // A helix angle that is too large opens the trailing end of a pinion's flank and closes
                 // that of its mate's.
                 tilts.extend([normal * pinion, -normal * gear]);

@@ -80,7 +80,7 @@ impl PlainSum {
 
     fn whole_face(pair: &Pair, nodes: &[f64], phases: usize) -> Self {
         let g = pair.geometry();
-        let material = pair.input().material;
+        let [material, _] = pair.input().material;
         let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
         let hertz = 4.0 * plane / (std::f64::consts::PI * material.youngs_modulus_mpa);
         let width = g.face_width * g.beta_b.tan();

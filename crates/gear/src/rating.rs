@@ -122,31 +122,32 @@ impl Factors {
 pub struct Strength {
     /// The factors of the stresses, and of the allowable ones.
     pub factors: Factors,
-    /// Allowable stress number of the roots σ_FE = σ_Flim Y_ST, MPa, if it is known.
-    pub bending_limit_mpa: Option<f64>,
-    /// Allowable stress number of the flanks σ_Hlim, MPa.
-    pub contact_limit_mpa: f64,
+    /// Allowable stress numbers of the roots σ_FE = σ_Flim Y_ST, MPa, where they are known.
+    pub bending_limit_mpa: [Option<f64>; 2],
+    /// Allowable stress numbers of the flanks σ_Hlim, MPa.
+    pub contact_limit_mpa: [f64; 2],
 }
 
 impl Strength {
-    /// Safeties S_F = σ_FE Y_NT Y_δrelT Y_RrelT Y_X/σ_F of roots with these stresses σ_F, MPa; `None` if the allowable
+    /// Safeties S_F = σ_FE Y_NT Y_δrelT Y_RrelT Y_X/σ_F of roots with these stresses σ_F, MPa; `None` where the allowable
     /// stress is not known.
     #[must_use]
-    pub fn root_safety(&self, stress_mpa: [f64; 2]) -> Option<[f64; 2]> {
-        let (limit, factors) = (self.bending_limit_mpa?, &self.factors);
-        Some(
-            [0, 1].map(|i| {
-                limit * factors.root_life_factor[i] * factors.root_factor[i] / stress_mpa[i]
-            }),
-        )
+    pub fn root_safety(&self, stress_mpa: [f64; 2]) -> [Option<f64>; 2] {
+        let factors = &self.factors;
+        [0, 1].map(|i| {
+            let factor = factors.root_life_factor[i] * factors.root_factor[i];
+            Some(self.bending_limit_mpa[i]? * factor / stress_mpa[i])
+        })
     }
 
     /// Safeties S_H = σ_Hlim Z_NT Z_L Z_v Z_R Z_W Z_X/σ_H of flanks with these stresses σ_H, MPa.
     #[must_use]
     pub fn flank_safety(&self, stress_mpa: [f64; 2]) -> [f64; 2] {
-        let (limit, factors) = (self.contact_limit_mpa, &self.factors);
-        [0, 1]
-            .map(|i| limit * factors.flank_life_factor[i] * factors.flank_factor[i] / stress_mpa[i])
+        let factors = &self.factors;
+        [0, 1].map(|i| {
+            let factor = factors.flank_life_factor[i] * factors.flank_factor[i];
+            self.contact_limit_mpa[i] * factor / stress_mpa[i]
+        })
     }
 }
 
@@ -168,7 +169,8 @@ pub struct RootRating {
     pub y_s: f64,
     /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°; in the edition of 2019 over cos³ β.
     pub y_beta: f64,
-    /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa.
+    /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa, where b is the gear's own face width, as far as it is at most
+    /// one module wider at each end than the mate's.
     pub stress_mpa: f64,
 }
 
@@ -177,7 +179,7 @@ pub struct RootRating {
 pub struct MeshStiffness {
     /// Theoretical single stiffness c′_th = 1/q′.
     pub theoretical: f64,
-    /// Single stiffness c′ = c′_th C_M C_R C_B cos β (E/206 GPa), C_M = 0.8, less under a light load.
+    /// Single stiffness c′ = c′_th C_M C_R C_B cos β E/206 GPa with E = 2 E1 E2/(E1 + E2) and C_M = 0.8, less under a light load.
     pub single: f64,
     /// Mesh stiffness c_γα = c′ (0.75 ε_α + 0.25).
     pub mesh_alpha: f64,
@@ -192,7 +194,7 @@ pub struct Rating {
     pub tangential_force: f64,
     /// Zone factor Z_H = √(2 cos β_b cos α_wt/(cos² α_t sin α_wt)).
     pub z_h: f64,
-    /// Elasticity factor Z_E = √(E/(2π (1 − ν²))), √MPa.
+    /// Elasticity factor Z_E = √(E*/π), with 1/E* = (1 − ν1²)/E1 + (1 − ν2²)/E2, √MPa.
     pub z_e: f64,
     /// Contact ratio factor Z_ε.
     pub z_epsilon: f64,
@@ -221,14 +223,12 @@ pub struct Rating {
 pub fn rate(pair: &UnloadedPair, blank_factor: f64, factors: &Factors) -> Rating {
     let (geometry, input) = (pair.geometry(), pair.input());
     let g = geometry;
-    let material = &input.material;
     let tangential_force = input.pinion_torque / g.r[0];
     let line_load = tangential_force / g.face_width;
     let ratio = f64::from(g.teeth[1]) / f64::from(g.teeth[0]);
     let (cos_bb, cos_t) = (g.beta_b.cos(), g.alpha_t.cos());
     let z_h = (2.0 * cos_bb * g.alpha_wt.cos() / (cos_t * cos_t * g.alpha_wt.sin())).sqrt();
-    let nu = material.poisson_ratio;
-    let z_e = (material.youngs_modulus_mpa / (2.0 * PI * (1.0 - nu * nu))).sqrt();
+    let z_e = (input.contact_modulus() / PI).sqrt();
     let z_beta = 1.0 / g.beta.cos().sqrt();
     let eps_alpha = g.eps_alpha.max(1.0);
     let spur = ((4.0 - eps_alpha) / 3.0).max(0.0);
@@ -240,7 +240,10 @@ pub fn rate(pair: &UnloadedPair, blank_factor: f64, factors: &Factors) -> Rating
         * z_beta
         * (line_load / (2.0 * g.r[0]) * (ratio + 1.0) / ratio).sqrt();
     let z_single = single_pair_factors(g);
-    let root = Member::BOTH.map(|member| root(pair, member, line_load, factors.edition));
+    let root = Member::BOTH.map(|member| {
+        let width = input.face_width[member.index()].min(g.face_width + 2.0 * g.normal_module);
+        root(pair, member, tangential_force / width, factors.edition)
+    });
     let common =
         factors.application_factor * factors.dynamic_factor * factors.transverse_load_factor;
     let of_roots = common * factors.root_face_load(g);
@@ -347,7 +350,7 @@ fn stiffness(pair: &UnloadedPair, blank_factor: f64, line_load: f64) -> MeshStif
         * blank_factor
         * rack
         * g.beta.cos()
-        * (input.material.youngs_modulus_mpa / STEEL)
+        * (input.mean_modulus() / STEEL)
         * (line_load / FULL_STIFFNESS_LOAD).min(1.0);
     let mesh_alpha = single * (0.75 * g.eps_alpha + 0.25);
     MeshStiffness {

@@ -396,7 +396,7 @@ mod tests {
         for slope in [0.003, -0.011] {
             for face_width in [4.0, 20.0, 30.0] {
                 let input = PairInput {
-                    face_width,
+                    face_width: [face_width; 2],
                     ..plain()
                 };
                 let disc = Discretisation::default();

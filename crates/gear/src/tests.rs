@@ -195,7 +195,7 @@ fn load_balance_with_many_valleys() {
 #[test]
 fn newton_agrees_with_the_closed_form() {
     let narrow = PairInput {
-        face_width: 8.0,
+        face_width: [8.0; 2],
         ..input()
     };
     let pair = Pair::new(&narrow, &Discretisation::default()).expect("feasible");
@@ -324,9 +324,10 @@ fn outline_compliance(teeth: [u32; 2], shift: [f64; 2], tip: [f64; 2], tolerance
                     0.5 * (f(w[0]) + f(w[1])) * (w[1][1] - w[0][1])
                 })
                 .sum();
-            let nu = input.material.poisson_ratio;
+            let material = input.material[member.index()];
+            let nu = material.poisson_ratio;
             let expected = alpha_f.cos().powi(2) * 12.0 * (1.0 - nu * nu)
-                / input.material.youngs_modulus_mpa
+                / material.youngs_modulus_mpa
                 * integral;
             let ours = pair.tooth_compliance(member, r);
             assert!(

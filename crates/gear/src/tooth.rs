@@ -295,8 +295,8 @@ impl Tooth {
             thickness,
             integrals: ToothIntegrals::default(),
             model: input.tooth_model,
-            youngs: input.material.youngs_modulus_mpa,
-            poisson: input.material.poisson_ratio,
+            youngs: input.material[member.index()].youngs_modulus_mpa,
+            poisson: input.material[member.index()].poisson_ratio,
         };
         if (0..=CUSP_SEARCH)
             .map(|k| tooth.gamma_top * k as f64 / CUSP_SEARCH as f64)

@@ -83,7 +83,7 @@ impl UnloadedPair {
         if input.tooth_model == ToothModel::Coupled && geometry.eps_beta > MOST_OVERLAP {
             return Err(InputError {
                 field: "face_width",
-                value: input.face_width,
+                value: geometry.face_width,
                 expected: "a face width whose overlap ratio is at most 8 with the tooth model coupled",
             }
             .into());
@@ -147,8 +147,8 @@ impl UnloadedPair {
 
     /// The contact beyond both ends of the path.
     pub(crate) fn beyond(&self) -> TipSeparation {
-        let youngs = self.input.material.youngs_modulus_mpa;
-        TipSeparation::new(&self.geometry, self.base_force, youngs)
+        let modulus = self.input.mean_modulus();
+        TipSeparation::new(&self.geometry, self.base_force, modulus)
     }
 
     /// The input from which the pair was computed.

@@ -161,7 +161,7 @@ impl Case {
                 size: Size::NormalModule(m),
                 pressure_angle: entry.pressure_angle_deg.to_radians(),
                 helix_angle: entry.helix_angle_deg.to_radians(),
-                face_width: entry.face_width_mm,
+                face_width: [entry.face_width_mm; 2],
                 profile_shift: entry.profile_shift,
                 tool_addendum: entry.tool_addendum,
                 tool_dedendum: entry.tool_dedendum,
@@ -172,10 +172,10 @@ impl Case {
                 tooth_model: ToothModel::Coupled,
                 tip_rule: TipRule::AsCut,
                 pinion_torque: load.pinion_torque_nmm,
-                material: Material {
+                material: [Material {
                     youngs_modulus_mpa: YOUNGS_MODULUS_MPA,
                     poisson_ratio: POISSON_RATIO,
-                },
+                }; 2],
             },
             corrections,
             wear: load.wear_um.as_ref().map(|depths| {

@@ -117,6 +117,14 @@ impl Row {
         }
     }
 
+    /// A row with words of pinion and mate.
+    fn texts(key: &'static str, quantity: &'static str, texts: [String; 2]) -> Self {
+        Self {
+            values: texts.map(Entry::Text).to_vec(),
+            ..Self::one(key, [quantity, "", ""], 0.0, 0)
+        }
+    }
+
     /// The symbol as HTML, with its index.
     #[must_use]
     pub fn markup(&self) -> String {

@@ -169,7 +169,12 @@ mod tests {
     #[test]
     fn a_tight_limit_of_the_pressure_is_reached() {
         let problem = problem(|campaign| {
-            campaign.gears_mut().unwrap().material.contact_limit_mpa = 1080.0;
+            campaign
+                .gears_mut()
+                .unwrap()
+                .material
+                .pinion
+                .contact_limit_mpa = 1080.0;
             campaign.optimise.evaluations = 3000;
             campaign.optimise.restart_at = Some(1500);
         });

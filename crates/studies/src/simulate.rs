@@ -142,9 +142,9 @@ impl Scatter {
         file.manufacture.map(|_| Self {
             flank_class: class.map(gear::FlankClass::number),
             slope_tolerance_um: class.map(|class| um(class.slope_tolerances(geometry))),
-            helix_slope_tolerance_um: class
-                .filter(|_| may_tilt)
-                .map(|class| um(class.helix_slope_tolerances(geometry))),
+            helix_slope_tolerance_um: class.filter(|_| may_tilt).map(|class| {
+                um(class.helix_slope_tolerances(geometry, file.pair.face_width_mm.each()))
+            }),
             misalignment_um: Some(1e3 * scatter.misalignment).filter(|um| may_tilt && *um > 0.0),
         })
     }
@@ -165,8 +165,8 @@ struct Rated {
     root_stress_mpa: [f64; 2],
     /// σ_H.
     flank_stress_mpa: [f64; 2],
-    /// S_F, if the material's σ_FE is known.
-    root_safety: Option<[f64; 2]>,
+    /// S_F, where the material's σ_FE is known.
+    root_safety: [Option<f64>; 2],
     /// S_H.
     flank_safety: [f64; 2],
 }

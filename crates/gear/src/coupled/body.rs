@@ -56,7 +56,7 @@ pub(crate) const FAR: f64 = 0.078;
 impl Body {
     pub(crate) fn new(input: &PairInput, geometry: &Geometry, member: Member) -> Self {
         let i = member.index();
-        let nu = input.material.poisson_ratio;
+        let nu = input.material[i].poisson_ratio;
         let z = f64::from(geometry.teeth[i]);
         let s2 = geometry.beta.sin().powi(2);
         let t = geometry.beta.tan();

@@ -57,9 +57,9 @@ struct Parts {
     face: Face,
     /// 1/b: the kernel of a displacement that is the same all along the face.
     even: f64,
-    /// cos β_b/E.
-    scale: f64,
-    poisson: f64,
+    /// cos β_b/E of each gear.
+    scale: [f64; 2],
+    poisson: [f64; 2],
 }
 
 impl Cells {
@@ -126,15 +126,15 @@ impl Parts {
         let bodies = pair.bodies();
         let end_gain = [0, 1].map(|i| {
             let station = &middle.stations[i];
-            let [_, foundation] = influence(station, station, material.poisson_ratio);
+            let [_, foundation] = influence(station, station, material[i].poisson_ratio);
             bodies[i].own(station.u, station.u) / foundation
         });
         Self {
             face: Face::new(geometry, z, end_gain),
             bodies,
             even: 1.0 / geometry.face_width,
-            scale: geometry.beta_b.cos() / material.youngs_modulus_mpa,
-            poisson: material.poisson_ratio,
+            scale: material.map(|one| geometry.beta_b.cos() / one.youngs_modulus_mpa),
+            poisson: material.map(|one| one.poisson_ratio),
         }
     }
 
@@ -192,6 +192,7 @@ impl Parts {
         let n = row.len();
         let from = from.map(|list| &list[..n]);
         let (body, face, even) = (&self.bodies[gear], &self.face, self.even);
+        let scale = self.scale[gear];
         let [strip, first] = places.map(|cell| cell.strip);
         let distance = places[0].line.abs_diff(places[1].line) as usize;
         if distance == 0 {
@@ -201,8 +202,8 @@ impl Parts {
             );
             for (i, value) in row.iter_mut().enumerate() {
                 let from = from.map(|list| list[i]);
-                let [bending, foundation] = influence(at, &from, self.poisson);
-                *value += self.scale
+                let [bending, foundation] = influence(at, &from, self.poisson[gear]);
+                *value += scale
                     * (bending * of_bending[i]
                         + foundation * of_foundation[i]
                         + body.own(at.u, from.u) * even);
@@ -210,7 +211,7 @@ impl Parts {
             return;
         }
         let Some(neighbour) = body.neighbours.get(distance - 1) else {
-            let far = self.scale * (body.twist + FAR) * even;
+            let far = scale * (body.twist + FAR) * even;
             row.iter_mut().for_each(|value| *value += far);
             return;
         };
@@ -225,7 +226,7 @@ impl Parts {
             let u = from.u[i];
             let (lead, trail) = if gear == 0 { (at.u, u) } else { (u, at.u) };
             let product = lead * trail;
-            *value += self.scale
+            *value += scale
                 * (body.twist * even
                     + neighbour.even(lead, trail) * of_even[i]
                     + neighbour.product * product * of_product[i]

@@ -110,7 +110,7 @@ mod tests {
             teeth: [24, 32],
             size: Size::NormalModule(3.0),
             helix_angle: helix_angle_deg.to_radians(),
-            face_width,
+            face_width: [face_width; 2],
             ..general::plain()
         };
         Geometry::new(&input).unwrap()

@@ -3,7 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use super::{OverBalls, Span, active_path, common_balls, flank, form_radii, span, tip_land};
+use crate::geometry::Geometry;
 use crate::input::Member;
+use crate::involute::tangent_length;
 use crate::unloaded::UnloadedPair;
 
 /// The quantities of a gear pair's data sheet that are neither in its [`Geometry`](crate::Geometry) nor in its
@@ -46,6 +48,9 @@ pub struct Sheet {
     pub normal_backlash: f64,
     /// Diameters d_Ca at which tip reliefs start; absent on a tip without.
     pub relief_diameter: [Option<f64>; 2],
+    /// Diameters d_Cf up to which a root relief of this gear leaves the same gap as the mate's tip relief, in whose place it
+    /// may be made; absent without one.
+    pub root_relief_diameter: [Option<f64>; 2],
 }
 
 impl Sheet {
@@ -79,19 +84,42 @@ impl Sheet {
             span: Member::BOTH.map(|member| span(pair, member)),
             over_balls: Member::BOTH.map(|member| common_balls(pair, member)),
             normal_backlash: g.backlash * g.alpha_wt.cos() * g.beta_b.cos(),
-            relief_diameter: Member::BOTH.map(|member| relief_diameter(pair, member)),
+            relief_diameter: Member::BOTH
+                .map(|member| relief_start(pair, member).map(|s| diameter_at(g, member, s))),
+            root_relief_diameter: [
+                (Member::Pinion, Member::Gear),
+                (Member::Gear, Member::Pinion),
+            ]
+            .map(|(member, mate)| relief_start(pair, mate).map(|s| diameter_at(g, member, s))),
         }
     }
 }
 
-/// The diameter at which the tip relief of one gear starts; `None` without any.
-fn relief_diameter(pair: &UnloadedPair, member: Member) -> Option<f64> {
-    let (g, i) = (pair.geometry(), member.index());
-    let relief = pair.corrections().tip_relief[i].filter(|relief| relief.amount > 0.0)?;
+/// The place on the path of contact at which the tip relief of one gear starts, mm; `None` without any.
+fn relief_start(pair: &UnloadedPair, member: Member) -> Option<f64> {
+    let g = pair.geometry();
+    let relief = pair.corrections().tip_relief[member.index()];
+    let length = relief.filter(|relief| relief.amount > 0.0)?.length;
     // The pinion's tip touches at the end of the path, the mate's at its start.
-    let start = match member {
-        Member::Pinion => g.s_out - relief.length,
-        Member::Gear => g.s_in + relief.length,
-    };
-    Some(2.0 * g.r_b[i].hypot(g.tangent_length(member, start)))
+    Some(match member {
+        Member::Pinion => g.s_out - length,
+        Member::Gear => g.s_in + length,
+    })
+}
+
+/// The diameter at which a gear touches at the place `s` on the path of contact, mm.
+fn diameter_at(geometry: &Geometry, member: Member, s: f64) -> f64 {
+    let r_b = geometry.r_b[member.index()];
+    2.0 * r_b.hypot(geometry.tangent_length(member, s))
+}
+
+/// The length in mm along the path of contact of a tip relief that starts at `diameter` mm, at least the base diameter; not
+/// positive at the tip and beyond.
+#[must_use]
+pub fn relief_length(geometry: &Geometry, member: Member, diameter: f64) -> f64 {
+    let tangent = tangent_length(0.5 * diameter, geometry.r_b[member.index()]);
+    match member {
+        Member::Pinion => geometry.s_out - tangent,
+        Member::Gear => geometry.path_length - tangent - geometry.s_in,
+    }
 }

@@ -82,7 +82,7 @@ pub const fn full_design(variables: [f64; 11]) -> PairInput {
         size: Size::CentreDistance(110.0),
         pressure_angle: 18_f64.to_radians(),
         helix_angle: beta.to_radians(),
-        face_width: 10.0,
+        face_width: [10.0; 2],
         profile_shift: [x1, x2],
         tool_addendum: [ha0_1, ha0_2],
         tool_dedendum: [hf0_1, hf0_2],
@@ -93,6 +93,6 @@ pub const fn full_design(variables: [f64; 11]) -> PairInput {
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,
         pinion_torque: 200e3,
-        material: MATERIAL,
+        material: [MATERIAL; 2],
     }
 }

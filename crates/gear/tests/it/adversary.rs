@@ -105,7 +105,7 @@ fn blend(a: &PairInput, b: &PairInput, part: f64) -> PairInput {
     PairInput {
         pressure_angle: mix(a.pressure_angle, b.pressure_angle),
         helix_angle: mix(a.helix_angle, b.helix_angle),
-        face_width: mix(a.face_width, b.face_width),
+        face_width: both(a.face_width, b.face_width),
         profile_shift: both(a.profile_shift, b.profile_shift),
         tool_addendum: both(a.tool_addendum, b.tool_addendum),
         tool_dedendum: both(a.tool_dedendum, b.tool_dedendum),
@@ -125,7 +125,7 @@ fn sabotage(input: &mut PairInput, rng: &mut StreamRng) {
             1 => input.size = Size::NormalModule(value),
             2 => input.pressure_angle = value,
             3 => input.helix_angle = value,
-            4 => input.face_width = value,
+            4 => input.face_width[i] = value,
             5 => input.profile_shift[i] = value,
             6 => input.tool_addendum[i] = value,
             7 => input.tool_dedendum[i] = value,
@@ -191,11 +191,11 @@ pub(crate) fn input(rng: &mut StreamRng) -> PairInput {
         } else {
             ranged(rng, -60.0, 60.0).to_radians()
         },
-        face_width: m * if wild {
+        face_width: [m * if wild {
             log_uniform(rng, 1e-3, 1e3)
         } else {
             ranged(rng, 2.0, 40.0)
-        },
+        }; 2],
         profile_shift,
         tool_addendum,
         tool_dedendum,
@@ -213,10 +213,10 @@ pub(crate) fn input(rng: &mut StreamRng) -> PairInput {
             log_uniform(rng, 1e-6, 1e3) * m * m * m * 1e3
         }
         .min(1e15),
-        material: Material {
+        material: [Material {
             youngs_modulus_mpa: log_uniform(rng, 1.0, 1e6),
             poisson_ratio: ranged(rng, 0.0, 0.499),
-        },
+        }; 2],
     }
 }
 

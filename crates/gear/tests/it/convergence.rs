@@ -115,7 +115,7 @@ fn silent_pairs_converge_at_once() {
     let Size::NormalModule(m) = input.size else {
         unreachable!("the plain pair is given by its module")
     };
-    input.face_width = std::f64::consts::PI * m / input.helix_angle.sin();
+    input.face_width = [std::f64::consts::PI * m / input.helix_angle.sin(); 2];
     let converged = Pair::converged(&input, &WEAR, 1e-6).expect("feasible");
     assert!(converged.change <= 1e-6 && converged.discretisation.cells <= 512);
     for analysis in [

@@ -121,7 +121,7 @@ fn corrections_agree_with_a_slice_sum() {
         compare_with_slices(
             &PairInput {
                 tooth_model: ToothModel::WeberBanaschek,
-                face_width: 90.0,
+                face_width: [90.0; 2],
                 ..plain()
             },
             &corrections,
@@ -156,7 +156,7 @@ fn integer_overlap_is_silent_with_relief_alone() {
     let Size::NormalModule(m) = input.size else {
         unreachable!("the plain pair is given by its module")
     };
-    input.face_width = 2.0 * std::f64::consts::PI * m / input.helix_angle.sin();
+    input.face_width = [2.0 * std::f64::consts::PI * m / input.helix_angle.sin(); 2];
     let reliefs = Corrections {
         crowning: 0.0,
         ..everything()

@@ -165,7 +165,7 @@ fn the_hub_moves_the_mean() {
 #[test]
 fn a_face_of_many_pitches_is_refused() {
     let input = PairInput {
-        face_width: 300.0,
+        face_width: [300.0; 2],
         ..coupled()
     };
     let refused = Pair::new(&input, &Discretisation::default()).unwrap_err();

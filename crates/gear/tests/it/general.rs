@@ -12,7 +12,7 @@ pub(crate) fn plain() -> PairInput {
         size: Size::NormalModule(2.0),
         pressure_angle: 20_f64.to_radians(),
         helix_angle: 15_f64.to_radians(),
-        face_width: 25.0,
+        face_width: [25.0; 2],
         profile_shift: [0.2, 0.1],
         tool_addendum: [1.25; 2],
         tool_dedendum: [1.0; 2],
@@ -23,7 +23,7 @@ pub(crate) fn plain() -> PairInput {
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,
         pinion_torque: 100e3,
-        material: MATERIAL,
+        material: [MATERIAL; 2],
     }
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn pairs() -> impl Strategy<Value = PairInput> {
                     size: Size::NormalModule(m),
                     pressure_angle: alpha.to_radians(),
                     helix_angle: beta.to_radians(),
-                    face_width: width * m,
+                    face_width: [width * m; 2],
                     profile_shift: [x1, x2],
                     tool_addendum: [a1, a2],
                     tool_dedendum: [d1, d2],

@@ -82,7 +82,7 @@ proptest! {
         let Size::NormalModule(m) = input.size else { unreachable!() };
         let face_width = f64::from(n) * std::f64::consts::PI * m / input.helix_angle.sin();
         for tooth_model in SLICED {
-            let pair = feasible!(&PairInput { face_width, tooth_model, ..input.clone() });
+            let pair = feasible!(&PairInput { face_width: [face_width; 2], tooth_model, ..input.clone() });
             let mean = mean(&pair.unworn().ste_um);
             prop_assert!(pair.unworn().delta_ste_um < 1e-9 * mean);
             // Deep enough to separate the ends of the path for some inputs.
@@ -104,7 +104,7 @@ proptest! {
         let Size::NormalModule(m) = input.size else { unreachable!() };
         let large = PairInput {
             size: Size::NormalModule(k * m),
-            face_width: k * input.face_width,
+            face_width: [k * input.face_width[0]; 2],
             tip_radius: input.tip_radius.map(|r| k * r),
             root_radius: input.root_radius.map(|r| k * r),
             pinion_torque: k * k * k * input.pinion_torque,
@@ -136,7 +136,7 @@ proptest! {
     fn stiffer_material_under_more_load(input in pairs(), k in 0.1..10.0_f64) {
         let mut other = input.clone();
         other.pinion_torque *= k;
-        other.material.youngs_modulus_mpa *= k;
+        other.material.iter_mut().for_each(|one| one.youngs_modulus_mpa *= k);
         for &tooth_model in ToothModel::ALL {
             let a = feasible!(&PairInput { tooth_model, ..input.clone() });
             let b = feasible!(&PairInput { tooth_model, ..other.clone() });
@@ -285,7 +285,7 @@ fn near_integer_overlap_is_nearly_silent() {
     let exact = std::f64::consts::PI * 2.0 / 15_f64.to_radians().sin();
     for off in [-1e-9, 1e-9] {
         let pair = pair(&PairInput {
-            face_width: exact * (1.0 + off),
+            face_width: [exact * (1.0 + off); 2],
             ..plain()
         });
         let unworn = pair.unworn();

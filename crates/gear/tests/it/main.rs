@@ -5,6 +5,7 @@ mod adversary;
 mod convergence;
 mod corrections;
 mod coupled;
+mod each_gear;
 mod fuzz;
 mod general;
 mod invariants;

@@ -46,7 +46,10 @@ fn rigid_spur_teeth_climb_their_slope_once_a_pitch() {
         helix_angle: 0.0,
         ..plain()
     };
-    input.material.youngs_modulus_mpa = 1e9;
+    input
+        .material
+        .iter_mut()
+        .for_each(|one| one.youngs_modulus_mpa = 1e9);
     let pair = pair(&input);
     let eps_alpha = pair.geometry().eps_alpha;
     assert!((1.2..1.9).contains(&eps_alpha));
@@ -117,7 +120,7 @@ fn whole_teeth_agree_with_a_sum_of_springs() {
         tooth_model: ToothModel::WholeFaceBeam,
         ..figure_7()
     });
-    let (g, material) = (pair.geometry(), pair.input().material);
+    let (g, material) = (pair.geometry(), pair.input().material[0]);
     let hertz = 4.0 * (1.0 - material.poisson_ratio.powi(2))
         / (std::f64::consts::PI * material.youngs_modulus_mpa);
     let window = g.face_width * g.beta_b.tan();
@@ -194,7 +197,7 @@ fn integer_overlap_is_silent_with_deviations() {
     let Size::NormalModule(m) = input.size else {
         unreachable!("the plain pair is given by its module")
     };
-    input.face_width = 2.0 * std::f64::consts::PI * m / input.helix_angle.sin();
+    input.face_width = [2.0 * std::f64::consts::PI * m / input.helix_angle.sin(); 2];
     let silent = pair(&input);
     let ste_um = silent.unworn().ste_um[0];
     assert!(deviated(&silent, &WEAR, [0.009, -0.009]) < 1e-9 * ste_um);

@@ -24,7 +24,7 @@ fn input(case: &Value) -> PairInput {
         size: Size::NormalModule(m),
         pressure_angle: number("alpha").to_radians(),
         helix_angle: number("beta").to_radians(),
-        face_width: number("b"),
+        face_width: [number("b"); 2],
         profile_shift: two(&case["x"]),
         tool_addendum: two(&case["ha0"]),
         tool_dedendum: two(&case["hf0"]),
@@ -33,10 +33,10 @@ fn input(case: &Value) -> PairInput {
         hub_radius: [None; 2],
         tip_diameter: [0, 1].map(|i| case["da"][i].as_f64()),
         pinion_torque: case["T1"].as_f64().unwrap_or(200e3),
-        material: Material {
+        material: [Material {
             youngs_modulus_mpa: case["E"].as_f64().unwrap_or(200e3),
             poisson_ratio: case["nu"].as_f64().unwrap_or(0.29),
-        },
+        }; 2],
         ..plain()
     }
 }
@@ -58,12 +58,12 @@ fn quantity(pair: &Pair, case: &Value, symbol: &str) -> f64 {
     };
     let strength = rating::Strength {
         factors,
-        bending_limit_mpa: case["sigma_FE"].as_f64(),
-        contact_limit_mpa: factor("sigma_Hlim"),
+        bending_limit_mpa: [case["sigma_FE"].as_f64(); 2],
+        contact_limit_mpa: [factor("sigma_Hlim"); 2],
     };
     let rating = rating::rate(pair, factor("C_R"), &factors);
     let root_safety = strength.root_safety(rating.root_stress_mpa);
-    let root_safety = root_safety.unwrap_or([f64::NAN; 2]);
+    let root_safety = root_safety.map(|safety| safety.unwrap_or(f64::NAN));
     let flank_safety = strength.flank_safety(rating.flank_stress_mpa);
     let root = &rating.root;
     let r_y = g.r[0] * case["d_y"].as_f64().unwrap_or(1.0);
@@ -255,8 +255,10 @@ fn phases_lie_on_the_corners_of_the_contact_length() {
 fn finite_element_pair(file: &Value) -> Pair {
     let mut input = input(&file["input"]);
     input.tooth_model = ToothModel::WeberBanaschek;
-    input.material.youngs_modulus_mpa = file["input"]["E"].as_f64().unwrap();
-    input.material.poisson_ratio = file["input"]["nu"].as_f64().unwrap();
+    input.material = [Material {
+        youngs_modulus_mpa: file["input"]["E"].as_f64().unwrap(),
+        poisson_ratio: file["input"]["nu"].as_f64().unwrap(),
+    }; 2];
     input.pinion_torque = 235.0 * 10.0 * 8.5 * 20_f64.to_radians().cos();
     Pair::new(&input, &Discretisation::default()).unwrap()
 }

@@ -84,7 +84,7 @@ fn worn_with_separation() {
 fn wide_face_and_soft_teeth() {
     compare(
         &PairInput {
-            face_width: 120.0,
+            face_width: [120.0; 2],
             tooth_model: ToothModel::WeberBanaschek,
             ..plain()
         },

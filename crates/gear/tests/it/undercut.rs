@@ -210,7 +210,7 @@ fn undercut_pair() -> PairInput {
         size: Size::NormalModule(3.0),
         pressure_angle: 20_f64.to_radians(),
         helix_angle: 0.0,
-        face_width: 20.0,
+        face_width: [20.0; 2],
         profile_shift: [0.0; 2],
         tool_addendum: [1.4, 1.25],
         tool_dedendum: [1.0, 0.64],

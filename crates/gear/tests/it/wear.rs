@@ -14,7 +14,7 @@ fn spur() -> PairInput {
     PairInput {
         teeth: [20, 40],
         helix_angle: 0.0,
-        face_width: 20.0,
+        face_width: [20.0; 2],
         profile_shift: [0.0; 2],
         tip_radius: [0.0; 2],
         size: Size::NormalModule(2.0),
@@ -101,8 +101,9 @@ fn depth_and_cycles_give_the_same_flanks() {
         let g = pair.geometry();
         let [coefficient, pinion_cycles] = [2e-10, 3e6];
         let worn = pair.archard(&cycles(coefficient, pinion_cycles));
-        let nu = input.material.poisson_ratio;
-        let modulus = input.material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu));
+        let [material, _] = input.material;
+        let nu = material.poisson_ratio;
+        let modulus = material.youngs_modulus_mpa / (2.0 * (1.0 - nu * nu));
         for ((&s, &p), (pinion, gear)) in worn
             .s
             .iter()

@@ -3,7 +3,7 @@
 use gear::{LocalAmount, Range, Size, ToothModel, Wear, WearLaw};
 
 use super::{
-    FrozenSection, GearSections, HELIX_ANGLE, Load, Material, PairFile, PairSection, ROOT_RADII,
+    FrozenSection, GearSections, HELIX_ANGLE, Load, Materials, PairFile, PairSection, ROOT_RADII,
     Setting, TIP_RADII, gear_size,
 };
 
@@ -28,14 +28,15 @@ impl PairFile {
     pub fn warnings(&self) -> Vec<String> {
         let input = self.to_gear();
         let geometry = gear::Geometry::new(&input).ok();
-        let mut warnings = of_sections(&self.material, &self.wear, self.pair.face_width_mm);
+        let mut warnings =
+            of_sections(&self.material, &self.wear, self.pair.face_width_mm.common());
         let pair = &self.pair;
         warnings.extend(of_torque(
             &self.load,
             input.size,
             pair.teeth,
-            [pair.pressure_angle_deg, pair.face_width_mm],
-            self.material.contact_limit_mpa,
+            [pair.pressure_angle_deg, pair.face_width_mm.common()],
+            self.material.contact_limit_mpa(),
         ));
         warnings.extend(of_hand("pair.helix_angle_deg", &[pair.helix_angle_deg]));
         if let Some(corrections) = &self.corrections {
@@ -51,7 +52,7 @@ impl PairFile {
 impl GearSections {
     /// Advice about settings that are valid but doubtful.
     pub(super) fn warnings(&self) -> Vec<String> {
-        let face_width_mm = self.pair.face_width_mm;
+        let face_width_mm = self.pair.face_width_mm.common();
         let mut warnings = of_sections(&self.material, &self.wear, face_width_mm);
         let pair = &self.pair;
         let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
@@ -60,7 +61,7 @@ impl GearSections {
             size,
             pair.teeth(),
             [pair.pressure_angle_deg, face_width_mm],
-            self.material.contact_limit_mpa,
+            self.material.contact_limit_mpa(),
         ));
         warnings.extend(of_centre_distance(self));
         let helix = ends(&self.bounds.settings()[HELIX_ANGLE]);
@@ -77,19 +78,21 @@ impl GearSections {
 }
 
 /// Warnings about the sections common to campaign and pair files.
-fn of_sections(material: &Material, wear: &Wear, face_width_mm: f64) -> Vec<String> {
+fn of_sections(material: &Materials, wear: &Wear, face_width_mm: f64) -> Vec<String> {
     let mut warnings = Vec::new();
-    let modulus = material.youngs_modulus_gpa;
-    if modulus > STIFFEST_GPA {
-        warnings.push(format!(
-            "material.youngs_modulus_gpa is {modulus} GPa: did you mean {}?",
-            modulus * 1e-3
-        ));
-    }
-    if modulus < SOFTEST_GPA {
-        warnings.push(format!(
-            "material.youngs_modulus_gpa is {modulus} GPa, less than that of soft plastics: steel has 206"
-        ));
+    for (place, material) in material.tables() {
+        let modulus = material.youngs_modulus_gpa;
+        if modulus > STIFFEST_GPA {
+            warnings.push(format!(
+                "{place}.youngs_modulus_gpa is {modulus} GPa: did you mean {}?",
+                modulus * 1e-3
+            ));
+        }
+        if modulus < SOFTEST_GPA {
+            warnings.push(format!(
+                "{place}.youngs_modulus_gpa is {modulus} GPa, less than that of soft plastics: steel has 206"
+            ));
+        }
     }
     let [least, most] = FACE_WIDTH_MM;
     if face_width_mm < least || face_width_mm > most {
@@ -285,7 +288,7 @@ fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
     shifts.dedup();
     let widths = pair
         .normal_module_mm
-        .map(|module| pair.face_width_mm / module);
+        .map(|module| pair.face_width_mm.common() / module);
     [
         outside(
             Range::TEETH,

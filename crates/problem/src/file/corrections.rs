@@ -97,8 +97,12 @@ impl CorrectionsSection {
 pub struct PairCorrections {
     /// Amounts of tip relief in µm, normal to the flank at the end of contact. Zero means none.
     pub tip_relief_um: Option<[f64; 2]>,
-    /// Lengths of the relieved parts in mm, along the path of contact.
+    /// Lengths of the relieved parts in mm, along the path of contact. These or the diameters are given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub tip_relief_length_mm: Option<[f64; 2]>,
+    /// Diameters d_Ca at which the reliefs start, mm.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip_relief_diameter_mm: Option<[f64; 2]>,
     /// Shape of the relief on both gears; `"linear"` if absent.
     pub tip_relief_shape: Option<ReliefShape>,
     /// Lengthwise crowning of both flanks together in µm, at the ends of the face.
@@ -115,18 +119,23 @@ pub struct PairCorrections {
 impl PairCorrections {
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
         let amount = |key: &str, value| source.within(key, value, 0.0, MOST_UM, "µm");
-        relief_keys(
-            source,
-            self.tip_relief_um.is_some(),
-            self.tip_relief_length_mm,
-            self.tip_relief_shape,
-        )?;
+        let is_relieved = self.tip_relief_um.is_some();
+        if let Some(diameters) = self.tip_relief_diameter_mm {
+            let key = "corrections.tip_relief_diameter_mm";
+            let is_alone = is_relieved && self.tip_relief_length_mm.is_none();
+            let expected = "absent beside tip_relief_length_mm and without tip_relief_um";
+            source.require(is_alone, key, diameters, expected)?;
+            let mut diameters = diameters.into_iter();
+            diameters.try_for_each(|diameter| source.length(key, diameter))?;
+        }
+        let extent = self.tip_relief_length_mm.or(self.tip_relief_diameter_mm);
+        relief_keys(source, is_relieved, extent, self.tip_relief_shape)?;
         let amounts = self.tip_relief_um.unwrap_or_default();
         let lengths = self.tip_relief_length_mm.unwrap_or_default();
         for (relief, length) in amounts.into_iter().zip(lengths) {
             amount("corrections.tip_relief_um", relief)?;
             // The length is not checked for a gear without relief.
-            if relief > 0.0 {
+            if relief > 0.0 && self.tip_relief_length_mm.is_some() {
                 let [low, high] = RELIEF_LENGTH_MM;
                 source.within("corrections.tip_relief_length_mm", length, low, high, "mm")?;
             }
@@ -166,6 +175,7 @@ impl PairCorrections {
         Some(Self {
             tip_relief_um: of(|relief| micrometres(relief.amount)),
             tip_relief_length_mm: of(|relief| relief.length),
+            tip_relief_diameter_mm: None,
             tip_relief_shape: given.map(|relief| relief.shape),
             crowning_um: um(corrections.crowning),
             helix_slope_um: um(corrections.helix_slope),
@@ -173,11 +183,11 @@ impl PairCorrections {
         })
     }
 
-    /// The corrections as the simulator's input, in mm.
+    /// The corrections of a pair with this geometry as the simulator's input, in mm.
     #[must_use]
-    pub fn to_gear(&self) -> gear::Corrections {
+    pub fn to_gear(&self, geometry: Option<&gear::Geometry>) -> gear::Corrections {
         let amounts = self.tip_relief_um.unwrap_or_default();
-        let lengths = self.tip_relief_length_mm.unwrap_or_default();
+        let lengths = self.lengths(geometry);
         let shape = self.tip_relief_shape.unwrap_or_default();
         let mm = |um: Option<f64>| um.unwrap_or_default() * 1e-3;
         let none = gear::Corrections::default()
@@ -197,6 +207,48 @@ impl PairCorrections {
                 all
             }
         })
+    }
+}
+
+impl PairCorrections {
+    /// Lengths of the relieved parts along the path of contact, mm, of a pair with this geometry.
+    fn lengths(&self, geometry: Option<&gear::Geometry>) -> [f64; 2] {
+        let given = self.tip_relief_length_mm;
+        let from_diameters =
+            geometry
+                .zip(self.tip_relief_diameter_mm)
+                .map(|(geometry, diameters)| {
+                    gear::Member::BOTH.map(|member| {
+                        let diameter = diameters[member.index()];
+                        gear::inspection::relief_length(geometry, member, diameter)
+                    })
+                });
+        given.or(from_diameters).unwrap_or([RELIEF_LENGTH_MM[0]; 2])
+    }
+
+    /// Refuses diameters from which no relief can start on a pair with this geometry.
+    pub(super) fn fit(
+        &self,
+        geometry: &gear::Geometry,
+        source: Source<'_>,
+    ) -> Result<(), FileError> {
+        let Some(diameters) = self.tip_relief_diameter_mm else {
+            return Ok(());
+        };
+        let (amounts, lengths) = (
+            self.tip_relief_um.unwrap_or_default(),
+            self.lengths(Some(geometry)),
+        );
+        for (i, gear) in ["pinion", "mate"].into_iter().enumerate() {
+            let [low, high] = [2.0 * geometry.r_b[i], 2.0 * geometry.r_na[i]];
+            let expected = format!(
+                "from {low:.4} to below {high:.4} mm for the {gear}, its base and tip form diameters"
+            );
+            let fits = diameters[i] >= low && lengths[i] >= RELIEF_LENGTH_MM[0];
+            let key = "corrections.tip_relief_diameter_mm";
+            source.require(amounts[i] == 0.0 || fits, key, diameters[i], &expected)?;
+        }
+        Ok(())
     }
 }
 

@@ -8,11 +8,11 @@ use super::accuracy::AccuracySection;
 use super::file_kind::FileKind;
 use super::validate::Source;
 use super::{
-    Bounds, Budget, Campaign, ConstraintSection, CorrectionsSection, CorrelationSection, Doe,
-    Enrichment, ExternalSections, FileError, FrozenSection, GearLimits, GearSections, Kind,
-    Kriging, Load, Manufacture, Material, Objective, Optimise, Pair, Penalty, RandomSection,
-    Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection, VariableSection, Verify,
-    strength, wear,
+    Allowances, Bounds, Budget, Campaign, ConstraintSection, CorrectionsSection,
+    CorrelationSection, Doe, Enrichment, ExternalSections, FileError, FrozenSection, GearLimits,
+    GearSections, Kind, Kriging, Load, Manufacture, Materials, Objective, Optimise, Pair, Penalty,
+    RandomSection, Report, ResponseSection, Sampling, SimulatorKind, SimulatorSection,
+    VariableSection, Verify, strength, wear,
 };
 use crate::approach::Approach;
 
@@ -58,13 +58,14 @@ pub(crate) struct GearFile {
     approaches: Option<Vec<Approach>>,
     pair: Pair,
     load: Load,
-    material: Material,
+    material: Materials,
     #[serde(with = "wear")]
     #[schemars(with = "wear::WearSection")]
     wear: gear::Wear,
     #[serde(default, skip_serializing_if = "strength::is_default")]
     strength: gear::rating::Factors,
     manufacture: Option<Manufacture>,
+    allowances: Option<Allowances>,
     bounds: Bounds,
     frozen: Option<FrozenSection>,
     #[serde(default)]
@@ -202,6 +203,7 @@ impl From<GearFile> for Campaign {
             wear: file.wear,
             strength: file.strength,
             manufacture: file.manufacture,
+            allowances: file.allowances,
             bounds: file.bounds,
             frozen: file.frozen,
             constraints: file
@@ -290,6 +292,7 @@ impl From<Campaign> for Form {
                 wear: sections.wear,
                 strength: sections.strength,
                 manufacture: sections.manufacture,
+                allowances: sections.allowances,
                 bounds: sections.bounds,
                 frozen: sections.frozen,
                 objective: sampling.objective.clone(),

@@ -8,8 +8,8 @@ use super::corrections::CorrectionsSection;
 use super::pair::sizes;
 use super::validate::{InvalidValue, Source, TEETH};
 use super::{
-    Bounds, FileError, FrozenSection, GearLimits, Load, Manufacture, Material, accuracy, strength,
-    wear,
+    Allowances, Bounds, FaceWidth, FileError, FrozenSection, GearLimits, Load, Manufacture,
+    Materials, accuracy, strength, wear,
 };
 
 /// The sections that only gear campaigns have.
@@ -20,13 +20,15 @@ pub struct GearSections {
     /// `[load]`
     pub load: Load,
     /// `[material]`
-    pub material: Material,
+    pub material: Materials,
     /// `[wear]`
     pub wear: gear::Wear,
     /// `[strength]`
     pub strength: gear::rating::Factors,
     /// `[manufacture]`
     pub manufacture: Option<Manufacture>,
+    /// `[allowances]`
+    pub allowances: Option<Allowances>,
     /// `[bounds]`
     pub bounds: Bounds,
     /// `[frozen]`, optional.
@@ -82,8 +84,8 @@ pub struct Pair {
     pub normal_module_mm: Option<f64>,
     /// Rack pressure angle in the normal section, degrees.
     pub pressure_angle_deg: f64,
-    /// Face width, mm.
-    pub face_width_mm: f64,
+    /// Face width, mm; `[b1, b2]` if the gears differ. Teeth touch over the smaller one.
+    pub face_width_mm: FaceWidth,
     /// Compliance model.
     pub tooth_model: gear::ToothModel,
     /// Treatment of a tip that reaches the mate's root.
@@ -138,6 +140,9 @@ impl GearSections {
         wear::validate(&self.wear, source)?;
         if let Some(manufacture) = &self.manufacture {
             manufacture.validate(source, self.pair.tooth_model)?;
+        }
+        if let Some(allowances) = &self.allowances {
+            allowances.validate(source)?;
         }
         for radius in self.pair.hub_radius_mm.into_iter().flatten() {
             source.length("pair.hub_radius_mm", radius)?;
@@ -216,6 +221,6 @@ impl Pair {
         }
         sizes(source, self.centre_distance_mm, self.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", self.pressure_angle_deg)?;
-        source.length("pair.face_width_mm", self.face_width_mm)
+        self.face_width_mm.validate(source)
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::validate::Source;
-use super::{FileError, Material};
+use super::{FileError, Materials};
 
 /// `[constraints]`: limits of a gear pair. Every key is optional. A criterion without a limit is
 /// not constrained, unless a default is given here.
@@ -88,16 +88,19 @@ impl GearLimits {
     /// Requires the material's numbers that the limits are compared with.
     pub(super) fn needs_of(
         &self,
-        material: &Material,
+        material: &Materials,
         source: Source<'_>,
     ) -> Result<(), FileError> {
-        match (self.root_safety_min, material.bending_limit_mpa) {
-            (Some(_), None) => Err(source.missing(
-                "material.bending_limit_mpa",
+        if self.root_safety_min.is_none() {
+            return Ok(());
+        }
+        material.tables().try_for_each(|(place, one)| match one.bending_limit_mpa {
+            Some(_) => Ok(()),
+            None => Err(source.missing(
+                &format!("{place}.bending_limit_mpa"),
                 "given (σ_FE of ISO 6336-5), because constraints.root_safety_min compares the roots with it",
             )),
-            _ => Ok(()),
-        }
+        })
     }
 
     pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {

@@ -1,4 +1,4 @@
-//! `[material]`: numbers, or the name of a common gear material.
+//! `[material]`: numbers, or the name of a common gear material; of both gears, or of each.
 
 use std::fmt;
 
@@ -8,10 +8,20 @@ use serde::{Deserialize, Serialize};
 use super::FileError;
 use super::validate::Source;
 
-/// `[material]`, the same for both gears: numbers, or a name whose numbers are known. A number beside a name
-/// replaces that of the name.
+/// `[material]`: of both gears, or of the pinion if `[material.mate]` gives that of the mate.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "MaterialSection")]
+pub struct Materials {
+    /// The pinion's, and without another the mate's.
+    #[serde(flatten)]
+    pub pinion: Material,
+    /// The mate's, if the file gives one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mate: Option<Material>,
+}
+
+/// The material of a gear: numbers, or a name whose numbers are known. A number beside a name replaces that of the name.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]
 pub struct Material {
     /// The name, if the file gives one.
     pub name: Option<Grade>,
@@ -174,7 +184,7 @@ impl fmt::Display for Treatment {
     }
 }
 
-/// `[material]`, the same for both gears: numbers, or a name whose numbers are known. A number beside a name
+/// `[material]`, of both gears or of the pinion: numbers, or a name whose numbers are known. A number beside a name
 /// replaces that of the name.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -194,53 +204,71 @@ struct MaterialSection {
     contact_limit_mpa: Option<f64>,
     /// Allowable stress number of the roots σ_FE = 2 σ_Flim of ISO 6336-5, MPa.
     bending_limit_mpa: Option<f64>,
+    /// Material of the mate, if it is not the pinion's, with the same keys.
+    mate: Option<Box<MaterialSection>>,
 }
 
-impl TryFrom<MaterialSection> for Material {
+impl TryFrom<MaterialSection> for Materials {
     type Error = String;
 
     fn try_from(section: MaterialSection) -> Result<Self, String> {
-        let elasticity = section.name.map(Grade::elasticity);
-        let limits = section.limits()?;
-        let number = |key: &str, given: Option<f64>, known: Option<f64>| {
-            given.or(known).ok_or_else(|| {
-                let why = section.reason();
-                format!("missing field `{key}` of [material]{why}")
-            })
-        };
+        let mate = section.mate.as_deref();
+        if mate.is_some_and(|mate| mate.mate.is_some()) {
+            return Err(
+                "`mate` of [material.mate] must be absent: a pair has two gears".to_owned(),
+            );
+        }
         Ok(Self {
-            name: section.name,
-            youngs_modulus_gpa: number(
-                "youngs_modulus_gpa",
-                section.youngs_modulus_gpa,
-                elasticity.map(|of| of.0),
-            )?,
-            poisson_ratio: number(
-                "poisson_ratio",
-                section.poisson_ratio,
-                elasticity.map(|of| of.1),
-            )?,
-            contact_limit_mpa: number(
-                "contact_limit_mpa",
-                section.contact_limit_mpa,
-                limits.map(|[contact, _]| contact),
-            )?,
-            bending_limit_mpa: section
-                .bending_limit_mpa
-                .or(limits.map(|[_, bending]| 2.0 * bending)),
+            pinion: section.material("material")?,
+            mate: mate
+                .map(|mate| mate.material("material.mate"))
+                .transpose()?,
         })
     }
 }
 
 impl MaterialSection {
+    /// The material that the table `[place]` gives.
+    fn material(&self, place: &str) -> Result<Material, String> {
+        let elasticity = self.name.map(Grade::elasticity);
+        let limits = self.limits(place)?;
+        let number = |key: &str, given: Option<f64>, known: Option<f64>| {
+            given.or(known).ok_or_else(|| {
+                let why = self.reason();
+                format!("missing field `{key}` of [{place}]{why}")
+            })
+        };
+        Ok(Material {
+            name: self.name,
+            youngs_modulus_gpa: number(
+                "youngs_modulus_gpa",
+                self.youngs_modulus_gpa,
+                elasticity.map(|of| of.0),
+            )?,
+            poisson_ratio: number(
+                "poisson_ratio",
+                self.poisson_ratio,
+                elasticity.map(|of| of.1),
+            )?,
+            contact_limit_mpa: number(
+                "contact_limit_mpa",
+                self.contact_limit_mpa,
+                limits.map(|[contact, _]| contact),
+            )?,
+            bending_limit_mpa: self
+                .bending_limit_mpa
+                .or(limits.map(|[_, bending]| 2.0 * bending)),
+        })
+    }
+
     /// σ_Hlim and σ_Flim by name, treatment and hardness, MPa, if these tell them.
-    fn limits(&self) -> Result<Option<[f64; 2]>, String> {
+    fn limits(&self, place: &str) -> Result<Option<[f64; 2]>, String> {
         let Some(name) = self.name else {
             let stray = self.treatment.map(|_| "treatment");
             let stray = stray.or(self.hardness_hv.map(|_| "hardness_hv"));
             return stray.map_or(Ok(None), |key| {
                 Err(format!(
-                    "`{key}` of [material] must be absent without a name"
+                    "`{key}` of [{place}] must be absent without a name"
                 ))
             });
         };
@@ -254,7 +282,7 @@ impl MaterialSection {
                     known => known.join(" or "),
                 };
                 return Err(format!(
-                    "`treatment` of [material] is \"{treatment}\", but must be {known} for {name}"
+                    "`treatment` of [{place}] is \"{treatment}\", but must be {known} for {name}"
                 ));
             }
             Some(treatment) => Some(treatment),
@@ -263,10 +291,11 @@ impl MaterialSection {
         let is_quenched = treatment == Some(Treatment::Quenched);
         let [low, high] = name.hardness_range();
         match self.hardness_hv {
-            Some(_) if !is_quenched => Err("`hardness_hv` of [material] must be absent: only the stresses of quenched steels follow from it"
-                .to_owned()),
+            Some(_) if !is_quenched => Err(format!(
+                "`hardness_hv` of [{place}] must be absent: only the stresses of quenched steels follow from it"
+            )),
             Some(hv) if !(low..=high).contains(&hv) => Err(format!(
-                "`hardness_hv` of [material] is {hv}, but must be from {low} to {high} HV, for which ISO 6336-5 has the \
+                "`hardness_hv` of [{place}] is {hv}, but must be from {low} to {high} HV, for which ISO 6336-5 has the \
                  stresses of {name}, quenched and tempered"
             )),
             hv => Ok(treatment.and_then(|treatment| name.limits(treatment, hv))),
@@ -293,35 +322,73 @@ impl MaterialSection {
     }
 }
 
-impl Material {
-    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
-        let within = |key, value, low, high, unit| source.within(key, value, low, high, unit);
-        let modulus = self.youngs_modulus_gpa;
-        within("material.youngs_modulus_gpa", modulus, 1e-5, 1e6, "GPa")?;
-        within("material.poisson_ratio", self.poisson_ratio, 0.0, 0.499, "")?;
-        let limit = self.contact_limit_mpa;
-        within("material.contact_limit_mpa", limit, 1e-3, 1e9, "MPa")?;
-        let limit = self.bending_limit_mpa.unwrap_or(1.0);
-        within("material.bending_limit_mpa", limit, 1e-3, 1e9, "MPa")
+impl Materials {
+    /// The material of both gears.
+    #[must_use]
+    pub const fn of_both(material: Material) -> Self {
+        Self {
+            pinion: material,
+            mate: None,
+        }
     }
 
-    /// The strength of the material with these factors.
+    /// The materials of pinion and mate.
     #[must_use]
-    pub const fn strength(&self, factors: gear::rating::Factors) -> gear::rating::Strength {
+    pub fn each(&self) -> [Material; 2] {
+        [self.pinion, self.mate.unwrap_or(self.pinion)]
+    }
+
+    /// The tables that the file has, with their materials.
+    pub(super) fn tables(&self) -> impl Iterator<Item = (&'static str, Material)> {
+        let mate = self.mate.map(|mate| ("material.mate", mate));
+        std::iter::once(("material", self.pinion)).chain(mate)
+    }
+
+    pub(super) fn validate(&self, source: Source<'_>) -> Result<(), FileError> {
+        self.tables()
+            .try_for_each(|(place, material)| material.validate(place, source))
+    }
+
+    /// The smaller σ_Hlim, MPa: both flanks bear the same pressure.
+    #[must_use]
+    pub fn contact_limit_mpa(&self) -> f64 {
+        let [pinion, mate] = self.each();
+        pinion.contact_limit_mpa.min(mate.contact_limit_mpa)
+    }
+
+    /// The strength of the materials with these factors.
+    #[must_use]
+    pub fn strength(&self, factors: gear::rating::Factors) -> gear::rating::Strength {
+        let each = self.each();
         gear::rating::Strength {
             factors,
-            bending_limit_mpa: self.bending_limit_mpa,
-            contact_limit_mpa: self.contact_limit_mpa,
+            bending_limit_mpa: each.map(|one| one.bending_limit_mpa),
+            contact_limit_mpa: each.map(|one| one.contact_limit_mpa),
         }
     }
 
-    /// The simulator's material, in MPa.
+    /// The simulator's materials, in MPa.
     #[must_use]
-    pub fn to_gear(&self) -> gear::Material {
-        gear::Material {
-            youngs_modulus_mpa: self.youngs_modulus_gpa * 1e3,
-            poisson_ratio: self.poisson_ratio,
-        }
+    pub fn to_gear(&self) -> [gear::Material; 2] {
+        self.each().map(|one| gear::Material {
+            youngs_modulus_mpa: one.youngs_modulus_gpa * 1e3,
+            poisson_ratio: one.poisson_ratio,
+        })
+    }
+}
+
+impl Material {
+    fn validate(&self, place: &str, source: Source<'_>) -> Result<(), FileError> {
+        let within = |key, value, low, high, unit| {
+            source.within(&format!("{place}.{key}"), value, low, high, unit)
+        };
+        let modulus = self.youngs_modulus_gpa;
+        within("youngs_modulus_gpa", modulus, 1e-5, 1e6, "GPa")?;
+        within("poisson_ratio", self.poisson_ratio, 0.0, 0.499, "")?;
+        let limit = self.contact_limit_mpa;
+        within("contact_limit_mpa", limit, 1e-3, 1e9, "MPa")?;
+        let limit = self.bending_limit_mpa.unwrap_or(1.0);
+        within("bending_limit_mpa", limit, 1e-3, 1e9, "MPa")
     }
 }
 
@@ -344,7 +411,7 @@ mod tests {
         let named = with("name = \"20NC6\"").unwrap();
         let [plain, steel] = [&plain, &named].map(|one| one.gears().unwrap().material);
         assert_eq!(steel.to_gear(), plain.to_gear());
-        assert_eq!(steel.contact_limit_mpa, plain.contact_limit_mpa);
+        assert_eq!(steel.contact_limit_mpa(), plain.contact_limit_mpa());
         assert_eq!(with("name = \"20 NC 6\"").unwrap(), named);
         assert_eq!(Campaign::from_json(&named.to_json()).unwrap(), named);
     }
@@ -353,11 +420,11 @@ mod tests {
     fn numbers_beside_a_name_override_the_table_and_change_the_digest() {
         let table = with("name = \"16MnCr5\"").unwrap();
         assert_eq!(
-            table.gears().unwrap().material.bending_limit_mpa,
+            table.gears().unwrap().material.pinion.bending_limit_mpa,
             Some(860.0)
         );
         let other = with("name = \"16MnCr5\"\nbending_limit_mpa = 922.0").unwrap();
-        let material = other.gears().unwrap().material;
+        let material = other.gears().unwrap().material.pinion;
         assert_eq!(material.bending_limit_mpa, Some(922.0));
         assert_eq!(material.contact_limit_mpa, 1500.0);
         assert_ne!(other.digest(), table.digest());
@@ -367,17 +434,54 @@ mod tests {
     fn every_name_of_the_table_is_read_with_its_limit_beside_it() {
         for grade in Grade::ALL {
             let section = format!("name = \"{grade}\"\ncontact_limit_mpa = 800.0");
-            let material = with(&section).unwrap().gears().unwrap().material;
+            let material = with(&section).unwrap().gears().unwrap().material.pinion;
             assert_eq!(material.name, Some(grade));
             assert_eq!(material.contact_limit_mpa, 800.0);
         }
+    }
+
+    /// A steel pinion and a plastic wheel: each has its own limits, and the weaker flank limits the pressure.
+    #[test]
+    fn the_mate_has_a_material_of_its_own() {
+        let section =
+            "name = \"16MnCr5\"\n[material.mate]\nname = \"POM\"\ncontact_limit_mpa = 60.0";
+        let campaign = with(section).unwrap();
+        let materials = campaign.gears().unwrap().material;
+        let [pinion, mate] = materials.each();
+        assert_eq!(
+            [pinion.youngs_modulus_gpa, mate.youngs_modulus_gpa],
+            [206.0, 2.8]
+        );
+        assert_eq!(materials.contact_limit_mpa(), 60.0);
+        let strength = materials.strength(gear::rating::Factors::default());
+        assert_eq!(strength.bending_limit_mpa, [Some(860.0), None]);
+        assert_eq!(Campaign::from_json(&campaign.to_json()).unwrap(), campaign);
+        let other = with("name = \"16MnCr5\"").unwrap();
+        assert_ne!(other.digest(), campaign.digest());
+    }
+
+    #[test]
+    fn a_number_of_the_mate_is_refused_by_its_own_line() {
+        let section =
+            "name = \"16MnCr5\"\n[material.mate]\nname = \"POM\"\ncontact_limit_mpa = -60.0";
+        let error = with(section).unwrap_err();
+        assert!(
+            error.contains("material.mate.contact_limit_mpa is -60"),
+            "{error}"
+        );
+        let line = |text: &str| text.lines().count();
+        let (before, _) = Campaign::WEAR.split_once("[material]").unwrap();
+        assert!(
+            error.contains(&format!("line {}:", line(before) + 5)),
+            "{error}"
+        );
     }
 
     /// A case-hardened tooth bears more than a quenched one, whatever the strength of its core.
     #[test]
     fn the_limits_follow_from_treatment_and_hardness() {
         let limits = |section: &str| {
-            let material = with(section).unwrap().gears().unwrap().material;
+            let material = with(section).unwrap().gears().unwrap().material.pinion;
             (
                 material.contact_limit_mpa,
                 material.bending_limit_mpa.unwrap(),
@@ -428,6 +532,14 @@ mod tests {
                 "missing field `poisson_ratio` of [material], which needs numbers or a name: 20NC6",
             ),
             ("name = \"C45\"\nyield = 3.0", "unknown field `yield`"),
+            (
+                "name = \"16MnCr5\"\nmate = { name = \"C45\" }",
+                "missing field `contact_limit_mpa` of [material.mate]: of quenched C45 it follows from `hardness_hv`",
+            ),
+            (
+                "name = \"16MnCr5\"\nmate = { name = \"16MnCr5\", mate = { name = \"16MnCr5\" } }",
+                "`mate` of [material.mate] must be absent",
+            ),
         ] {
             let error = with(section).unwrap_err();
             assert!(error.contains(what), "{section}: {error}");

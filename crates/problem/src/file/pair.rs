@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::corrections::PairCorrections;
 use super::file_kind::FileKind;
 use super::validate::Source;
-use super::{FileError, GearLimits, Load, Manufacture, Material, strength, wear};
+use super::{
+    Allowances, FaceWidth, FileError, GearLimits, Load, Manufacture, Materials, strength, wear,
+};
 
 #[cfg(test)]
 mod tests;
@@ -21,7 +23,7 @@ pub struct PairFile {
     /// `[load]`
     pub load: Load,
     /// `[material]`
-    pub material: Material,
+    pub material: Materials,
     /// `[strength]`, optional. Without it every factor of ISO 6336 that does not follow from the geometry is 1.
     #[serde(default, skip_serializing_if = "strength::is_default")]
     pub strength: gear::rating::Factors,
@@ -31,6 +33,8 @@ pub struct PairFile {
     pub wear: gear::Wear,
     /// `[manufacture]`, optional. Without it the gears have no slope deviations.
     pub manufacture: Option<Manufacture>,
+    /// `[allowances]`, optional. Without it the data sheet has nominal thicknesses alone.
+    pub allowances: Option<Allowances>,
     /// `[corrections]`, optional. Without it the flanks are as cut by the tools.
     pub corrections: Option<PairCorrections>,
     /// `[constraints]`, optional. Without it the limits are those of the material, and no
@@ -52,18 +56,20 @@ pub struct PairSection {
     pub pressure_angle_deg: f64,
     /// Helix angle at the reference cylinder, degrees.
     pub helix_angle_deg: f64,
-    /// Face width, mm.
-    pub face_width_mm: f64,
+    /// Face width, mm; `[b1, b2]` if the gears differ. Teeth touch over the smaller one.
+    pub face_width_mm: FaceWidth,
     /// Addendum modification coefficients x, in modules.
     pub profile_shift: [f64; 2],
+    /// A standard rack for both gears, instead of tool addendum, tool dedendum and root radius.
+    pub rack: Option<gear::Rack>,
     /// Tool addendum ha0, in modules. It cuts the root.
-    pub tool_addendum: [f64; 2],
+    pub tool_addendum: Option<[f64; 2]>,
     /// Tool dedendum hf0, in modules. It forms the tip.
-    pub tool_dedendum: [f64; 2],
+    pub tool_dedendum: Option<[f64; 2]>,
     /// Tip rounding radius ρa, mm.
     pub tip_radius_mm: [f64; 2],
     /// Root fillet radius ρf, mm.
-    pub root_radius_mm: [f64; 2],
+    pub root_radius_mm: Option<[f64; 2]>,
     /// Tip diameters that override those of the tools, mm.
     pub tip_diameter_mm: Option<[f64; 2]>,
     /// Compliance model.
@@ -108,19 +114,28 @@ impl PairFile {
         sizes(source, pair.centre_distance_mm, pair.normal_module_mm)?;
         source.pressure_angle("pair.pressure_angle_deg", pair.pressure_angle_deg)?;
         source.helix_angle("pair.helix_angle_deg", pair.helix_angle_deg)?;
-        source.length("pair.face_width_mm", pair.face_width_mm)?;
+        pair.face_width_mm.validate(source)?;
         let modules = |key, value, low| source.within(key, value, low, 10.0, "modules");
         for gear in 0..2 {
             modules("pair.profile_shift", pair.profile_shift[gear], -10.0)?;
-            modules("pair.tool_addendum", pair.tool_addendum[gear], 0.0)?;
-            modules("pair.tool_dedendum", pair.tool_dedendum[gear], 0.0)?;
             source.tip_radius("pair.tip_radius_mm", pair.tip_radius_mm[gear])?;
-            source.root_radius("pair.root_radius_mm", pair.root_radius_mm[gear])?;
             if let Some(diameters) = pair.tip_diameter_mm {
                 source.length("pair.tip_diameter_mm", diameters[gear])?;
             }
             if let Some(radii) = pair.hub_radius_mm {
                 source.length("pair.hub_radius_mm", radii[gear])?;
+            }
+        }
+        let of_rack = [pair.tool_addendum, pair.tool_dedendum, pair.root_radius_mm];
+        for (key, values) in RACK_KEYS.into_iter().zip(of_rack) {
+            let Some(values) = pair.given(key, values, source)? else {
+                continue;
+            };
+            for value in values {
+                match key {
+                    "pair.root_radius_mm" => source.root_radius(key, value)?,
+                    _ => modules(key, value, 0.0)?,
+                }
             }
         }
         self.load.validate(source)?;
@@ -134,6 +149,9 @@ impl PairFile {
         if let Some(manufacture) = &self.manufacture {
             manufacture.validate(source, pair.tooth_model)?;
         }
+        if let Some(allowances) = &self.allowances {
+            allowances.validate(source)?;
+        }
         if let Some(corrections) = &self.corrections {
             corrections.validate(source)?;
         }
@@ -142,7 +160,12 @@ impl PairFile {
 
     /// Refuses what only the geometry shows to be impossible.
     fn of_geometry(&self, source: Source<'_>) -> Result<(), FileError> {
-        let (input, corrections) = (self.to_gear(), self.corrections());
+        let input = self.to_gear();
+        if let (Some(corrections), Ok(geometry)) = (&self.corrections, gear::Geometry::new(&input))
+        {
+            corrections.fit(&geometry, source)?;
+        }
+        let corrections = self.corrections();
         let grid = gear::Discretisation::of(input.tooth_model);
         let pair = gear::UnloadedPair::new(&input, &corrections, &grid);
         let error = match pair {
@@ -168,9 +191,11 @@ impl PairFile {
     /// `[corrections]`.
     #[must_use]
     pub fn corrections(&self) -> gear::Corrections {
-        self.corrections
-            .as_ref()
-            .map_or_else(gear::Corrections::default, PairCorrections::to_gear)
+        let geometry = gear::Geometry::new(&self.to_gear()).ok();
+        let corrections = self.corrections.as_ref();
+        corrections.map_or_else(gear::Corrections::default, |one| {
+            one.to_gear(geometry.as_ref())
+        })
     }
 
     /// The scatter of manufacture; none without `[manufacture]`.
@@ -201,31 +226,48 @@ impl PairFile {
         schemars::schema_for!(PairFile).to_value()
     }
 
+    /// The normal module in mm; 1 where the involute equation has no solution, of which the simulator tells.
+    fn module(&self, size: Size) -> f64 {
+        let pair = &self.pair;
+        let [alpha, beta] = [pair.pressure_angle_deg, pair.helix_angle_deg].map(f64::to_radians);
+        let shift = pair.profile_shift[0] + pair.profile_shift[1];
+        gear::normal_module(pair.teeth, size, alpha, beta, shift).unwrap_or(1.0)
+    }
+
     /// The simulator's input.
     ///
     /// # Panics
     ///
-    /// Never for a validated file, which gives a size.
+    /// Never for a validated file, which gives a size, and a rack or its keys.
     #[must_use]
     pub fn to_gear(&self) -> PairInput {
         let pair = &self.pair;
+        let size = match (pair.centre_distance_mm, pair.normal_module_mm) {
+            (Some(centre_distance), Some(normal_module)) => Size::Both {
+                normal_module,
+                centre_distance,
+            },
+            (centre_distance, normal_module) => gear_size(centre_distance, normal_module),
+        };
+        let of_rack = |written: Option<[f64; 2]>, of: fn(&gear::Rack) -> f64, scale: f64| {
+            let rack = || pair.rack.expect("validation asks for a rack or its keys");
+            written.unwrap_or_else(|| [scale * of(&rack()); 2])
+        };
         PairInput {
             teeth: pair.teeth,
-            size: match (pair.centre_distance_mm, pair.normal_module_mm) {
-                (Some(centre_distance), Some(normal_module)) => Size::Both {
-                    normal_module,
-                    centre_distance,
-                },
-                (centre_distance, normal_module) => gear_size(centre_distance, normal_module),
-            },
+            size,
             pressure_angle: pair.pressure_angle_deg.to_radians(),
             helix_angle: pair.helix_angle_deg.to_radians(),
-            face_width: pair.face_width_mm,
+            face_width: pair.face_width_mm.each(),
             profile_shift: pair.profile_shift,
-            tool_addendum: pair.tool_addendum,
-            tool_dedendum: pair.tool_dedendum,
+            tool_addendum: of_rack(pair.tool_addendum, gear::Rack::addendum, 1.0),
+            tool_dedendum: of_rack(pair.tool_dedendum, gear::Rack::dedendum, 1.0),
             tip_radius: pair.tip_radius_mm,
-            root_radius: pair.root_radius_mm,
+            root_radius: of_rack(
+                pair.root_radius_mm,
+                gear::Rack::root_radius,
+                self.module(size),
+            ),
             tip_diameter: pair
                 .tip_diameter_mm
                 .map_or([None; 2], |diameters| diameters.map(Some)),
@@ -236,6 +278,33 @@ impl PairFile {
             tip_rule: pair.tip_rule,
             pinion_torque: self.load.pinion_torque_nm * 1e3,
             material: self.material.to_gear(),
+        }
+    }
+}
+
+/// The keys of `[pair]` that a rack gives.
+const RACK_KEYS: [&str; 3] = [
+    "pair.tool_addendum",
+    "pair.tool_dedendum",
+    "pair.root_radius_mm",
+];
+
+impl PairSection {
+    /// The values of one of [`RACK_KEYS`]; `None` if the rack gives them.
+    fn given(
+        &self,
+        key: &str,
+        values: Option<[f64; 2]>,
+        source: Source<'_>,
+    ) -> Result<Option<[f64; 2]>, FileError> {
+        match (values, self.rack) {
+            (Some(values), Some(rack)) => Err(source.refuse(
+                key,
+                values,
+                &format!("absent beside pair.rack: \"{rack}\" gives it"),
+            )),
+            (None, None) => Err(source.missing(key, "given, unless pair.rack is")),
+            (values, _) => Ok(values),
         }
     }
 }

@@ -42,7 +42,7 @@ impl Gears {
             size: gear_size(pair.centre_distance_mm, pair.normal_module_mm),
             pressure_angle: pair.pressure_angle_deg.to_radians(),
             helix_angle: 0.0,
-            face_width: pair.face_width_mm,
+            face_width: pair.face_width_mm.each(),
             profile_shift: [0.0; 2],
             tool_addendum: [1.0; 2],
             tool_dedendum: [1.0; 2],

@@ -1,6 +1,6 @@
 //! The head of a report: inputs, missing parts, and the effects that the recommended number leaves out.
 
-use problem::file::GearSections;
+use problem::file::{GearSections, Material};
 use problem::formulation::Problem;
 
 use super::quantity::variable_name;
@@ -91,18 +91,23 @@ fn gears(sections: &GearSections, inputs: &mut Vec<(String, String)>) {
     add("Face width", format!("{} mm", pair.face_width_mm));
     let torque = sections.load.pinion_torque_nm;
     add("Torque on the pinion", format!("{torque} N·m"));
-    let material = &sections.material;
-    let name = material
-        .name
-        .map_or_else(String::new, |name| format!("{name}: "));
-    let (e, nu) = (material.youngs_modulus_gpa, material.poisson_ratio);
-    let bending = material.bending_limit_mpa;
-    let bending = bending.map_or_else(String::new, |limit| format!(", σ_FE {limit} MPa"));
-    let pressure = material.contact_limit_mpa;
-    add(
-        "Material",
-        format!("{name}E {e} GPa, ν {nu}, σ_Hlim {pressure} MPa{bending}"),
-    );
+    let of = |material: &Material| {
+        let name = material
+            .name
+            .map_or_else(String::new, |name| format!("{name}: "));
+        let (e, nu) = (material.youngs_modulus_gpa, material.poisson_ratio);
+        let bending = material.bending_limit_mpa;
+        let bending = bending.map_or_else(String::new, |limit| format!(", σ_FE {limit} MPa"));
+        let pressure = material.contact_limit_mpa;
+        format!("{name}E {e} GPa, ν {nu}, σ_Hlim {pressure} MPa{bending}")
+    };
+    match &sections.material.mate {
+        None => add("Material", of(&sections.material.pinion)),
+        Some(mate) => {
+            add("Material of the pinion", of(&sections.material.pinion));
+            add("Material of the mate", of(mate));
+        }
+    }
 }
 
 /// The effects that the recommended number does not include.

@@ -1,7 +1,7 @@
 //! The rows of a pair before its contact is solved.
 
 use gear::UnloadedPair;
-use gear::inspection::Sheet;
+use gear::inspection::{Limits, Sheet};
 use problem::PairFile;
 use problem::formulation::{Design, Problem};
 
@@ -15,7 +15,7 @@ pub fn sections(file: &PairFile, pair: &UnloadedPair) -> Vec<Section> {
         gears(file, pair, &sheet),
         diameters(pair, &sheet),
         mesh(pair, &sheet),
-        inspection(pair, &sheet),
+        inspection(file, pair, &sheet),
         modifications(pair, &sheet),
         conditions(file, pair),
     ]
@@ -70,7 +70,12 @@ fn gears(file: &PairFile, pair: &UnloadedPair, sheet: &Sheet) -> Section {
                 file.pair.helix_angle_deg,
                 4,
             ),
-            Row::one("face_width_mm", ["face width", "b", "mm"], g.face_width, 3),
+            Row::each(
+                "face_width_mm",
+                ["face width", "b", "mm"],
+                input.face_width,
+                3,
+            ),
             Row::each(
                 "profile_shift_coefficient",
                 ["profile shift coefficient", "x", ""],
@@ -246,60 +251,126 @@ fn mesh(pair: &UnloadedPair, sheet: &Sheet) -> Section {
     }
 }
 
-fn inspection(pair: &UnloadedPair, sheet: &Sheet) -> Section {
+fn inspection(file: &PairFile, pair: &UnloadedPair, sheet: &Sheet) -> Section {
     let span =
         |of: fn(gear::inspection::Span) -> f64| sheet.span.map(|span| span.map_or(f64::NAN, of));
     let balls = |of: fn(gear::inspection::OverBalls) -> f64| {
         sheet.over_balls.map(|balls| balls.map_or(f64::NAN, of))
     };
     let land = |land: f64| land / pair.geometry().normal_module;
+    let mut rows = vec![
+        Row::each(
+            "normal_tooth_thickness_mm",
+            ["normal tooth thickness at d", "s_n", "mm"],
+            sheet.tooth_thickness,
+            4,
+        ),
+        Row::each(
+            "tip_land_mm",
+            ["tip land, normal section", "s_an", "mm"],
+            sheet.tip_land,
+            4,
+        ),
+        Row::each(
+            "tip_land_modules",
+            ["tip land in modules", "s_an*", ""],
+            sheet.tip_land.map(land),
+            3,
+        ),
+        Row::each(
+            "spanned_teeth",
+            ["teeth spanned", "k", ""],
+            span(|span| f64::from(span.teeth)),
+            0,
+        ),
+        Row::each(
+            "span_mm",
+            ["base tangent length (span)", "W_k", "mm"],
+            span(|span| span.length),
+            4,
+        ),
+        Row::each(
+            "ball_diameter_mm",
+            ["diameter of the measuring balls", "D_M", "mm"],
+            balls(|balls| balls.ball),
+            3,
+        ),
+        Row::each(
+            "over_balls_mm",
+            ["dimension over two balls", "M_dK", "mm"],
+            balls(|balls| balls.dimension),
+            4,
+        ),
+    ];
+    if let Some(allowances) = &file.allowances {
+        rows.extend(limits(&Limits::new(pair, sheet, &allowances.to_gear())));
+    }
     Section {
         title: "Tooth thickness and its measurement",
-        rows: vec![
-            Row::each(
-                "normal_tooth_thickness_mm",
-                ["normal tooth thickness at d", "s_n", "mm"],
-                sheet.tooth_thickness,
-                4,
-            ),
-            Row::each(
-                "tip_land_mm",
-                ["tip land, normal section", "s_an", "mm"],
-                sheet.tip_land,
-                4,
-            ),
-            Row::each(
-                "tip_land_modules",
-                ["tip land in modules", "s_an*", ""],
-                sheet.tip_land.map(land),
-                3,
-            ),
-            Row::each(
-                "spanned_teeth",
-                ["teeth spanned", "k", ""],
-                span(|span| f64::from(span.teeth)),
-                0,
-            ),
-            Row::each(
-                "span_mm",
-                ["base tangent length (span)", "W_k", "mm"],
-                span(|span| span.length),
-                4,
-            ),
-            Row::each(
-                "ball_diameter_mm",
-                ["diameter of the measuring balls", "D_M", "mm"],
-                balls(|balls| balls.ball),
-                3,
-            ),
-            Row::each(
-                "over_balls_mm",
-                ["dimension over two balls", "M_dK", "mm"],
-                balls(|balls| balls.dimension),
-                4,
-            ),
-        ],
+        rows,
     }
+}
+
+/// The rows of measures with allowances.
+fn limits(limits: &Limits) -> Vec<Row> {
+    let each = |measures: [Option<[f64; 2]>; 2], limit: usize| {
+        measures.map(|measure| measure.map_or(f64::NAN, |measure| measure[limit]))
+    };
+    let thickness = limits.tooth_thickness.map(Some);
+    let mut rows = Vec::new();
+    for (limit, keys, words) in [
+        (
+            0,
+            [
+                "normal_tooth_thickness_upper_mm",
+                "span_upper_mm",
+                "over_balls_upper_mm",
+            ],
+            [
+                "thickness, upper limit",
+                "span, upper limit",
+                "over balls, upper limit",
+            ],
+        ),
+        (
+            1,
+            [
+                "normal_tooth_thickness_lower_mm",
+                "span_lower_mm",
+                "over_balls_lower_mm",
+            ],
+            [
+                "thickness, lower limit",
+                "span, lower limit",
+                "over balls, lower limit",
+            ],
+        ),
+    ] {
+        let measures = [thickness, limits.span, limits.over_balls];
+        let symbols = ["s_n", "W_k", "M_dK"];
+        for (((key, words), symbol), measure) in
+            keys.into_iter().zip(words).zip(symbols).zip(measures)
+        {
+            rows.push(Row::each(
+                key,
+                [words, symbol, "mm"],
+                each(measure, limit),
+                4,
+            ));
+        }
+    }
+    let [most, least] = limits.normal_backlash;
+    for (key, words, value) in [
+        ("normal_backlash_upper_mm", "greatest normal backlash", most),
+        (
+            "normal_backlash_lower_mm",
+            "smallest normal backlash",
+            least,
+        ),
+    ] {
+        rows.push(Row::one(key, [words, "j_bn", "mm"], value, 4));
+    }
+    rows
 }
 
 fn modifications(pair: &UnloadedPair, sheet: &Sheet) -> Section {
@@ -329,6 +400,14 @@ fn modifications(pair: &UnloadedPair, sheet: &Sheet) -> Section {
                 ["diameter at which it starts", "d_Ca", "mm"],
                 sheet
                     .relief_diameter
+                    .map(|diameter| diameter.unwrap_or(f64::NAN)),
+                4,
+            ),
+            Row::each(
+                "root_relief_diameter_mm",
+                ["root relief in its place ends at", "d_Cf", "mm"],
+                sheet
+                    .root_relief_diameter
                     .map(|diameter| diameter.unwrap_or(f64::NAN)),
                 4,
             ),
@@ -374,7 +453,7 @@ fn modifications(pair: &UnloadedPair, sheet: &Sheet) -> Section {
 }
 
 fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
-    let (g, material) = (pair.geometry(), &file.material);
+    let (g, materials) = (pair.geometry(), file.material.each());
     let torque = file.load.pinion_torque_nm;
     let ratio = f64::from(g.teeth[1]) / f64::from(g.teeth[0]);
     let um = |tolerances: [f64; 2]| tolerances.map(|mm| 1e3 * mm);
@@ -385,37 +464,39 @@ fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
             [torque, torque * ratio],
             2,
         ),
-        Row::text(
+        Row::texts(
             "material",
             "material",
-            material
-                .name
-                .map_or_else(|| "by its numbers".to_owned(), |name| name.to_string()),
+            materials.map(|one| {
+                one.name
+                    .map_or_else(|| "by its numbers".to_owned(), |name| name.to_string())
+            }),
         ),
-        Row::one(
+        Row::each(
             "youngs_modulus_gpa",
             ["Young’s modulus", "E", "GPa"],
-            material.youngs_modulus_gpa,
+            materials.map(|one| one.youngs_modulus_gpa),
             1,
         ),
-        Row::one(
+        Row::each(
             "poisson_ratio",
             ["Poisson’s ratio", "ν", ""],
-            material.poisson_ratio,
+            materials.map(|one| one.poisson_ratio),
             3,
         ),
-        Row::one(
+        Row::each(
             "contact_limit_mpa",
             ["allowable contact stress number", "σ_Hlim", "MPa"],
-            material.contact_limit_mpa,
+            materials.map(|one| one.contact_limit_mpa),
             0,
         ),
     ];
-    if let Some(limit) = material.bending_limit_mpa {
-        rows.push(Row::one(
+    let bending = materials.map(|one| one.bending_limit_mpa);
+    if bending.iter().any(Option::is_some) {
+        rows.push(Row::each(
             "bending_limit_mpa",
             ["allowable bending stress number", "σ_FE", "MPa"],
-            limit,
+            bending.map(|limit| limit.unwrap_or(f64::NAN)),
             0,
         ));
     }
@@ -436,7 +517,7 @@ fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
             Row::each(
                 "helix_slope_tolerance_um",
                 ["helix slope tolerance", "f_HβT", "µm"],
-                um(class.helix_slope_tolerances(g)),
+                um(class.helix_slope_tolerances(g, pair.input().face_width)),
                 2,
             ),
         ]),

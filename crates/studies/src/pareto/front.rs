@@ -58,7 +58,7 @@ impl Objective {
         };
         let (limits, material) = (&sections.constraints, &sections.material);
         match self {
-            Self::Pressure => limits.hertz_pressure_max(material.contact_limit_mpa),
+            Self::Pressure => limits.hertz_pressure_max(material.contact_limit_mpa()),
             Self::RootStress => limits.root_stress_max_mpa.unwrap_or(f64::INFINITY),
         }
     }

@@ -175,7 +175,7 @@ fn every_limit_of_the_file_is_held_against_its_figure() {
         ),
         (
             "root_safety_min",
-            sound.iso_6336.root_safety.unwrap(),
+            sound.iso_6336.root_safety.map(Option::unwrap),
             false,
             &["pinion root safety S_F", "mate root safety S_F"],
         ),

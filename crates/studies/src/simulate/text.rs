@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use problem::formulation::Constraint;
-use results::sheet;
+use results::{number::fixed, sheet};
 
 use super::cases::CaseFigures;
 use super::{Figures, Simulation, WearChoice};
@@ -55,10 +55,13 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)>
         " (contact ratio outside the formulas' range)"
     };
     let stress = |mpa: [f64; 2]| format!("{:.0}, {:.0} MPa", mpa[0], mpa[1]);
-    let root_safety = rated.root_safety.map_or_else(
-        || "S_F takes material.bending_limit_mpa, the σ_FE of ISO 6336-5".to_owned(),
-        |safety| format!("S_F {}", pair(safety)),
-    );
+    let root_safety = match rated.root_safety {
+        [None, None] => "S_F takes material.bending_limit_mpa, the σ_FE of ISO 6336-5".to_owned(),
+        safety => {
+            let [pinion, mate] = safety.map(|one| fixed(one.unwrap_or(f64::NAN), 4));
+            format!("S_F {pinion}, {mate}")
+        }
+    };
     let edition = u32::from(rated.edition);
     line(
         "ISO 6336-3, roots",

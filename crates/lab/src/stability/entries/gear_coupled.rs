@@ -147,7 +147,7 @@ fn range(outcome: &mut Outcome) -> Result<(), EntryError> {
                     let input = PairInput {
                         teeth: [pinion, mate],
                         size: Size::NormalModule(2.0),
-                        face_width: 2.0 * width,
+                        face_width: [2.0 * width; 2],
                         ..input(angle)
                     };
                     match delta(&input, &Corrections::default()) {

@@ -197,7 +197,7 @@ fn no_flank(outcome: &mut Outcome) -> Result<(), EntryError> {
                 teeth: [6, 80],
                 pressure_angle: 3_f64.to_radians(),
                 helix_angle: 10_f64.to_radians(),
-                face_width: 100.0,
+                face_width: [100.0; 2],
                 profile_shift: [0.5, 0.0],
                 tool_addendum: [1.2304, 1.25],
                 tool_dedendum: [0.8, 0.2],
@@ -270,7 +270,7 @@ fn corrections(outcome: &mut Outcome) -> Result<(), EntryError> {
     };
     refused(outcome, corrected(&whole, &crowned), "crowning");
     let wide = PairInput {
-        face_width: 5000.0,
+        face_width: [5000.0; 2],
         ..plain()
     };
     refused(outcome, corrected(&wide, &crowned), "crowning");
@@ -319,7 +319,7 @@ fn unusable(outcome: &mut Outcome) -> Result<(), EntryError> {
         ("pressure_angle", |pair| pair.pressure_angle = 0.0),
         ("helix_angle", |pair| pair.helix_angle = 75_f64.to_radians()),
         ("helix_angle", |pair| pair.helix_angle = f64::INFINITY),
-        ("face_width", |pair| pair.face_width = 0.0),
+        ("face_width", |pair| pair.face_width[0] = 0.0),
         ("profile_shift[0]", |pair| pair.profile_shift[0] = f64::NAN),
         ("tool_addendum[1]", |pair| pair.tool_addendum[1] = -0.1),
         ("tool_dedendum[0]", |pair| pair.tool_dedendum[0] = 1e9),
@@ -329,9 +329,11 @@ fn unusable(outcome: &mut Outcome) -> Result<(), EntryError> {
             pair.tip_diameter[1] = Some(f64::NAN)
         }),
         ("pinion_torque", |pair| pair.pinion_torque = -1.0),
-        ("poisson_ratio", |pair| pair.material.poisson_ratio = 0.5),
-        ("youngs_modulus_mpa", |pair| {
-            pair.material.youngs_modulus_mpa = f64::NAN
+        ("material[0].poisson_ratio", |pair| {
+            pair.material[0].poisson_ratio = 0.5
+        }),
+        ("material[1].youngs_modulus_mpa", |pair| {
+            pair.material[1].youngs_modulus_mpa = f64::NAN
         }),
     ];
     for (expected, change) in changes {

@@ -17,7 +17,7 @@ pub(super) fn plain() -> PairInput {
         size: Size::NormalModule(2.0),
         pressure_angle: 20_f64.to_radians(),
         helix_angle: 15_f64.to_radians(),
-        face_width: 25.0,
+        face_width: [25.0; 2],
         profile_shift: [0.2, 0.1],
         tool_addendum: [1.25; 2],
         tool_dedendum: [1.0; 2],
@@ -28,7 +28,7 @@ pub(super) fn plain() -> PairInput {
         tooth_model: ToothModel::HertzBeam,
         tip_rule: TipRule::AsCut,
         pinion_torque: 100e3,
-        material: MATERIAL,
+        material: [MATERIAL; 2],
     }
 }
 

@@ -245,6 +245,26 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
             "corrections.tip_relief_length_mm is 40.0, but must be at most 19.2",
         ),
         (
+            "tip_relief_length_mm = [2.0, 1.5]",
+            "tip_relief_diameter_mm = [120.0, 121.0]\ntip_relief_length_mm = [2.0, 1.5]",
+            "corrections.tip_relief_diameter_mm is [120.0, 121.0], but must be absent beside tip_relief_length_mm",
+        ),
+        (
+            "tip_relief_length_mm = [2.0, 1.5]",
+            "tip_relief_diameter_mm = [111.0, 500.0]",
+            "corrections.tip_relief_diameter_mm is 500.0, but must be from 104.1219 to below 124.8720 mm for the mate",
+        ),
+        (
+            "face_width_mm = 10.0",
+            "face_width_mm = [10.0, 11.0, 12.0]",
+            "face_width_mm must be a number, or the numbers of pinion and mate, [b1, b2]",
+        ),
+        (
+            "[corrections]",
+            "[allowances]\ntooth_thickness_um = { pinion = [-90.0, -60.0], mate = [-60.0, -90.0] }\n[corrections]",
+            "allowances.tooth_thickness_um is [-90.0, -60.0], but must be [upper, lower] with lower ≤ upper for the pinion",
+        ),
+        (
             "flank_class = 6",
             "flank_class = 12",
             "line 25: manufacture.flank_class is 12, but must be a whole number from 1 to 11",
@@ -300,6 +320,61 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
         let message = parse(&changed(from, to)).unwrap_err();
         assert!(message.starts_with("p.toml, line "), "{message}");
         assert!(message.contains(what), "{to}: {message}");
+    }
+}
+
+/// A rack gives what it would be written with.
+#[test]
+fn a_rack_takes_the_place_of_its_keys() {
+    let (before, rest) = FULL.split_once("tool_addendum").unwrap();
+    let (_, tip) = rest.split_once("tip_radius_mm").unwrap();
+    let (tip, after) = tip.split_once("root_radius_mm").unwrap();
+    let (_, after) = after.split_once('\n').unwrap();
+    let with = |rack: &str| format!("{before}{rack}tip_radius_mm{tip}{after}");
+    let file = parse(&with("rack = \"iso-53-a\"\n")).unwrap();
+    assert_eq!(parse(&file.to_toml()).unwrap(), file);
+    let input = file.to_gear();
+    let module = gear::Geometry::new(&input).unwrap().normal_module;
+    assert_eq!(input.tool_addendum, [1.25; 2]);
+    assert_eq!(input.tool_dedendum, [1.0; 2]);
+    assert_eq!(input.root_radius, [0.38 * module; 2]);
+    for (written, what) in [
+        (
+            "",
+            "pair.tool_addendum is missing, but must be given, unless pair.rack is",
+        ),
+        (
+            "rack = \"iso-53-a\"\ntool_addendum = [1.2, 1.2]\n",
+            "pair.tool_addendum is [1.2, 1.2], but must be absent beside pair.rack",
+        ),
+    ] {
+        let error = parse(&with(written)).unwrap_err();
+        assert!(error.contains(what), "{error}");
+    }
+}
+
+/// Both gears of a pair may have a width, allowances and diameters of relief of their own.
+#[test]
+fn what_each_gear_has_of_its_own_is_kept() {
+    let text = changed("face_width_mm = 10.0", "face_width_mm = [12.0, 10.0]")
+        .replacen("tip_relief_length_mm = [2.0, 1.5]", "tip_relief_diameter_mm = [112.0, 123.0]", 1)
+        .replacen(
+            "[constraints]",
+            "[allowances]\ntooth_thickness_um = { pinion = [-60.0, -90.0], mate = [-80.0, -120.0] }\n[constraints]",
+            1,
+        );
+    let file = parse(&text).unwrap();
+    assert_eq!(parse(&file.to_toml()).unwrap(), file);
+    let pair = Pair::with_corrections(
+        &file.to_gear(),
+        &file.corrections(),
+        &Discretisation::default(),
+    );
+    let pair = pair.unwrap();
+    assert_eq!(pair.geometry().face_width, 10.0);
+    let starts = gear::inspection::Sheet::new(&pair).relief_diameter;
+    for (start, given) in starts.into_iter().zip([112.0, 123.0]) {
+        assert!((start.unwrap() - given).abs() < 1e-9, "{start:?}");
     }
 }
 

@@ -27,7 +27,8 @@ pub fn constraints(
     let limit = limits.root_stress_max_mpa;
     let stress = criteria.root_stress_mpa;
     all.extend(limit.map(|limit| Constraint::new("root stress", "MPa", stress, Below, limit)));
-    let limit = limits.hertz_pressure_max(strength.contact_limit_mpa);
+    let [pinion, mate] = strength.contact_limit_mpa;
+    let limit = limits.hertz_pressure_max(pinion.min(mate));
     let pressure = criteria.hertz_pressure_mpa;
     all.push(Constraint::new(
         "contact pressure",
@@ -104,7 +105,7 @@ fn of_details(
             ["pinion root safety S_F", "mate root safety S_F"],
             "",
             // A file that limits the safety gives the allowable stress.
-            root_safety.unwrap_or([f64::NAN; 2]),
+            root_safety.map(|safety| safety.unwrap_or(f64::NAN)),
             limits.root_safety_min,
         ),
         (

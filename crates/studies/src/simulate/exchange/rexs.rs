@@ -184,7 +184,7 @@ fn model(title: &str, file: &PairFile, pair: &UnloadedPair) -> (Model, usize) {
 }
 
 fn material(model: &mut Model, file: &PairFile) -> usize {
-    let material = &file.material;
+    let material = &file.material.pinion;
     let bending = material.bending_limit_mpa.unwrap_or(f64::NAN);
     let number = model.add(
         "material",
