@@ -301,7 +301,7 @@ impl PairSection {
             (Some(values), Some(rack)) => Err(source.refuse(
                 key,
                 values,
-                &format!("absent beside pair.rack: \"{rack}\" gives it"),
+                format!("absent beside pair.rack: \"{rack}\" gives it"),
             )),
             (None, None) => Err(source.missing(key, "given, unless pair.rack is")),
             (values, _) => Ok(values),
