@@ -1,6 +1,6 @@
-//! `simulate` with pairs that are not as usual.
+//! `simulate` with pairs that are not as usual: unusual sizes, infeasible optima, pairs in REXS.
 
-use acceptance::{Sandbox, assert_code, printed};
+use acceptance::{FIGURE_7, Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
 
 use crate::user_tables::case;
@@ -59,4 +59,90 @@ fn undercut_cuts_the_margin_and_the_contact_ratio() {
         "{found}"
     );
     assert_eq!(found["feasible"], false, "{found}");
+}
+
+#[test]
+fn the_least_violating_design_is_exported_as_infeasible() {
+    let sandbox = Sandbox::new();
+    let text = small_campaign(12, 10);
+    let limits = text.find("[constraints]\n").expect("the section") + "[constraints]\n".len();
+    let (before, after) = text.split_at(limits);
+    let after: Vec<&str> = after
+        .lines()
+        .filter(|line| !line.starts_with("contact_ratio_min"))
+        .collect();
+    let text = format!("{before}contact_ratio_min = 5.0\n{}\n", after.join("\n"));
+    sandbox.write("tiny.toml", &text);
+    let output = sandbox.coordinator(&["run", "tiny.toml", "--db", "tiny.db"]);
+    assert_code(&output, 16);
+    assert!(
+        errors(&output).contains("--infeasible"),
+        "{}",
+        errors(&output)
+    );
+    let export = [
+        "export",
+        "--db",
+        "tiny.db",
+        "--approach",
+        "archard",
+        "--pair",
+        "least.toml",
+    ];
+    let output = sandbox.coordinator(&export);
+    assert_code(&output, 1);
+    assert!(
+        errors(&output).contains("--infeasible"),
+        "{}",
+        errors(&output)
+    );
+    let output = sandbox.coordinator(&[&export[..], &["--infeasible"]].concat());
+    assert_code(&output, 0);
+    let said = errors(&output);
+    assert!(said.contains("contact ratio"), "{said}");
+    let written = std::fs::read_to_string(sandbox.path("least.toml")).unwrap();
+    assert!(
+        written.starts_with("# INFEASIBLE: approach archard"),
+        "{written}"
+    );
+    let output = sandbox.coordinator(&["simulate", "--pair", "least.toml"]);
+    assert_code(&output, 0);
+    assert!(
+        printed(&output).contains("infeasible: "),
+        "{}",
+        printed(&output)
+    );
+}
+
+#[test]
+fn a_pair_in_rexs_is_imported_and_simulated_as_it_was() {
+    let sandbox = Sandbox::new();
+    sandbox.write("pair.toml", FIGURE_7);
+    let simulate = |pair: &str| {
+        let output =
+            sandbox.coordinator(&["simulate", "--pair", pair, "--out", &format!("{pair}-page")]);
+        assert_code(&output, 0);
+        printed(&output)
+    };
+    let designed = simulate("pair.toml");
+    let output = sandbox.coordinator(&["import", "pair.toml-page/pair.rexs"]);
+    assert_code(&output, 0);
+    sandbox.write("imported.toml", &printed(&output));
+    let sheet = |text: &str| text.split("feasible: ").next().unwrap().to_owned();
+    assert_eq!(sheet(&simulate("imported.toml")), sheet(&designed));
+    for (command, why) in [
+        (
+            &["simulate", "--pair", "pair.toml-page/pair.rexs"][..],
+            "coordinator import",
+        ),
+        (&["import", "pair.toml"], "pair.toml is not XML"),
+        (
+            &["import", "pair.toml-page/pair.rexs", "--torque=-1"],
+            "load.pinion_torque_nm",
+        ),
+    ] {
+        let output = sandbox.coordinator(command);
+        assert_code(&output, 3);
+        assert!(errors(&output).contains(why), "{}", errors(&output));
+    }
 }

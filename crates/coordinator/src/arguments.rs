@@ -63,9 +63,9 @@ pub(crate) enum Command {
     Discard(Discard),
     /// Run a campaign for each of several numbers of teeth, and compare
     Sweep(Sweep),
-    /// Design with other numbers of teeth and modules, and rank them
+    /// Design with other teeth, modules, face widths, helix angles and racks, and rank them
     Sizing(Sizing),
-    /// Measure how the wear's parameters and tolerances affect the recommended design
+    /// Measure how tolerances, the wear's parameters and the torque affect the recommended design
     Sensitivity(Sensitivity),
     /// Show the trade-off between the percentile and the contact pressure or the root stress
     Pareto(Pareto),
@@ -88,6 +88,8 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
+    /// Make a pair file for `simulate` of a gear stage in REXS
+    Import(Import),
     /// Offer a campaign's gear model to other programs, as a UM-Bridge model
     UmBridge(UmBridge),
     /// Run inputs on which numerical methods fail, and write how each failure is detected and
@@ -337,6 +339,9 @@ pub(crate) struct Export {
     #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair",
         required_unless_present = "table")]
     pub(crate) approach: Option<Approach>,
+    /// Write the design that violates the constraints least, where the approach found no feasible one
+    #[arg(long, requires = "pair")]
+    pub(crate) infeasible: bool,
 }
 
 /// The object to export.
@@ -376,6 +381,16 @@ pub(crate) struct UmBridge {
     /// The address of the server; loopback only [default: 127.0.0.1:4242]
     #[arg(long, value_name = "ADDR")]
     pub(crate) http: Option<SocketAddr>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Import {
+    /// The REXS file, with one cylindrical stage of two external gears
+    #[arg(value_name = "PAIR.rexs")]
+    pub(crate) file: PathBuf,
+    /// Torque on the pinion in N·m [default: that of the first load case]
+    #[arg(long, value_name = "NM")]
+    pub(crate) torque: Option<f64>,
 }
 
 #[derive(Debug, Args)]

@@ -82,6 +82,7 @@ pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
         Command::Fit(arguments) => modelling::fit(&arguments).await,
         Command::Predict(arguments) => modelling::predict(&arguments).await,
         Command::Simulate(arguments) => simulating::simulate(&arguments),
+        Command::Import(arguments) => simulating::import(&arguments),
         Command::UmBridge(arguments) => um_bridge::um_bridge(arguments).await,
         Command::Stability(arguments) => stability::stability(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
@@ -353,7 +354,10 @@ fn code_of_finished(status: &Status) -> u8 {
         .iter()
         .all(|optimum| optimum.criterion.is_none())
     {
-        warn!("finished, but no approach found a feasible design; the report says why");
+        warn!(
+            "finished, but no approach found a feasible design; the report says why; of gears, `export --pair FILE --approach \
+             NAME --infeasible` writes the design that violates the constraints least"
+        );
         exit::NONE_FEASIBLE
     } else {
         exit::OK
@@ -384,8 +388,14 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
         }
     }
     if let (Some(out), Some(approach)) = (&what.pair, arguments.approach) {
-        let pair = pair_file::of_optimum(&store, approach).await?;
-        output::write(out, pair.to_toml().as_bytes())?;
+        let text = if arguments.infeasible {
+            let (text, broken) = pair_file::of_least_violation(&store, approach).await?;
+            warn!("infeasible: the design breaks {broken}");
+            text
+        } else {
+            pair_file::of_optimum(&store, approach).await?.to_toml()
+        };
+        output::write(out, text.as_bytes())?;
     }
     Ok(exit::OK)
 }

@@ -123,14 +123,27 @@ impl FlankClass {
 }
 
 /// The scatter of manufacture and assembly. The default is none.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scatter {
     /// Class of both gears' flanks: profile slopes and helix slopes deviate within its tolerances.
     pub flank_class: Option<FlankClass>,
+    /// Factors on the class's tolerances of profile slopes and of helix slopes.
+    pub class_factors: [f64; 2],
     /// Tolerance ± of the misalignment of the shafts in the plane of action over the face, mm.
     pub misalignment: f64,
     /// Tolerance ± of the amount of each tip relief, mm. A relief has no less than no amount.
     pub tip_relief: f64,
+}
+
+impl Default for Scatter {
+    fn default() -> Self {
+        Self {
+            flank_class: None,
+            class_factors: [1.0; 2],
+            misalignment: 0.0,
+            tip_relief: 0.0,
+        }
+    }
 }
 
 impl Scatter {
@@ -139,6 +152,7 @@ impl Scatter {
     pub const fn of_class(class: FlankClass) -> Self {
         Self {
             flank_class: Some(class),
+            class_factors: [1.0; 2],
             misalignment: 0.0,
             tip_relief: 0.0,
         }
@@ -190,13 +204,16 @@ impl Deviations {
             geometry.s_out - geometry.s_in,
         );
         let normal = geometry.beta_b.cos();
-        let of = |tolerances: [f64; 2]| tolerances.map(|tolerance| tolerance / TOLERANCE_IN_SD);
+        let of = |factor: f64, tolerances: [f64; 2]| {
+            tolerances.map(|tolerance| factor * tolerance / TOLERANCE_IN_SD)
+        };
+        let [profile, helix] = scatter.class_factors;
         let class = scatter.flank_class;
         let mut tilts = Vec::new();
         if may_tilt {
             if let Some(class) = class {
-                let [pinion, gear] =
-                    of(class.helix_slope_tolerances(geometry, pair.input().face_width));
+                let tolerances = class.helix_slope_tolerances(geometry, pair.input().face_width);
+                let [pinion, gear] = of(helix, tolerances);
                 // A helix angle that is too large opens the trailing end of a pinion's flank and closes
                 // that of its mate's.
                 tilts.extend([normal * pinion, -normal * gear]);
@@ -206,7 +223,7 @@ impl Deviations {
             }
         }
         Self {
-            profile: class.map(|class| of(class.slope_tolerances(geometry))),
+            profile: class.map(|class| of(profile, class.slope_tolerances(geometry))),
             tilts,
             shape: s.iter().map(|s| normal * (s - middle) / length).collect(),
             reliefs: if scatter.tip_relief > 0.0 {

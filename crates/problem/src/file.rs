@@ -71,6 +71,7 @@ pub use sampling::{ControlVariate, EstimatorRule, FailedSamples, Sampling, WearC
 pub use settings::{Doe, Optimise, TableRows, Verify};
 pub use simulator::{SimulatorKind, SimulatorSection, UmBridgeSection};
 pub(crate) use validate::Source;
+pub use variant::Dimensions;
 
 /// The errors of campaign and pair files.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -1,7 +1,7 @@
 //! Studies: computations on several campaigns, on a finished one, or without one.
 //!
 //! - [`sweep`] compares campaigns with other numbers of teeth.
-//! - [`sizing`] ranks numbers of teeth and modules, each at its own optimum.
+//! - [`sizing`] ranks numbers of teeth and dimensions, each at its own optimum.
 //! - [`sensitivity`] splits the variance of an optimum's percentile among tolerances.
 //! - [`pareto`] weighs the percentile against a second objective.
 //! - [`simulate`] computes one pair of gears, and [`um_bridge`] offers a campaign's gears to other programs.
@@ -14,6 +14,7 @@
 //! Simulations run in this process on all threads of the caller's rayon pool, and results do not
 //! depend on their number. Only [`sweep`] runs whole campaigns, which the caller does.
 
+mod arguments;
 pub mod direct;
 pub mod finished;
 pub mod pareto;

@@ -15,6 +15,7 @@ mod page;
 mod text;
 
 use cases::CaseFigures;
+pub use exchange::{Imported, import};
 pub use page::{Subject, write_page};
 pub use text::describe;
 

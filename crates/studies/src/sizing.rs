@@ -1,11 +1,13 @@
 //! `coordinator sizing`: pairs with other teeth and modules, each at its own optimum, in the order of their percentiles.
 //!
-//! Each pair of tooth numbers within a tolerance of the gear ratio, with each module, is a size. A direct search
+//! Each pair of tooth numbers within a tolerance of the gear ratio, with each combination of the listed modules, face
+//! widths, helix angles and racks, is a size. A direct search
 //! finds the best design of a size (see [`direct`]), and the best sizes get verification samples.
 
 use std::path::Path;
 
-use anyhow::{Context as _, bail};
+use anyhow::Context as _;
+use problem::file::Dimensions;
 use problem::formulation::Problem;
 use problem::optimise::Solution;
 use problem::{Campaign, PairFile};
@@ -18,35 +20,14 @@ use results::table::{Cell, Column, Table};
 use stats::IntervalEstimate;
 
 use crate::direct::{self, Start};
-use crate::sweep::Teeth;
 use crate::table::{
     CRITERIA, Document, PageTable, criteria_cells, percentile_cells, with_interval,
 };
 use crate::{finished, samples};
 
-/// The most sizes of a study.
-const MOST_SIZES: usize = 2000;
+mod range;
 
-/// The sizes to search.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Range {
-    /// Teeth of the pinion.
-    pub teeth: Teeth,
-    /// Largest relative deviation of the ratio from the campaign's.
-    pub ratio_tolerance: f64,
-    /// Normal modules, mm; empty for the campaign's size.
-    pub modules_mm: Vec<f64>,
-}
-
-/// One size: a campaign with its teeth and module.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Size {
-    /// Teeth of pinion and mate.
-    pub teeth: [u32; 2],
-    /// The normal module, mm; `None` for the campaign's.
-    pub module_mm: Option<f64>,
-    campaign: Campaign,
-}
+pub use range::{Range, Size};
 
 /// The best design of a size.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,57 +39,28 @@ pub struct Sized {
     pub verified: Option<IntervalEstimate>,
 }
 
-impl Range {
-    /// The sizes of a campaign, by their teeth and then their modules.
-    ///
-    /// # Errors
-    ///
-    /// No mate is within the tolerance, there are too many sizes, or the campaign is invalid with one of them.
-    pub fn sizes(&self, file: &str, campaign: &Campaign) -> anyhow::Result<Vec<Size>> {
-        let sections = campaign.gears().context("sizes are of gears")?;
-        let pair = &sections.pair;
-        let [pinion, mate] = pair.teeth().map(f64::from);
-        let ratio = pair.gear_ratio.unwrap_or(mate / pinion);
-        if !self.modules_mm.is_empty() && pair.normal_module_mm.is_none() {
-            bail!(
-                "the module of campaign {} follows from its centre distance: leave out --modules, or give \
-                 pair.normal_module_mm",
-                campaign.name
-            );
-        }
-        let modules: Vec<Option<f64>> = match self.modules_mm.is_empty() {
-            true => vec![None],
-            false => self.modules_mm.iter().copied().map(Some).collect(),
-        };
-        let mut sizes = Vec::new();
-        for pinion in self.teeth.iter() {
-            let exact = f64::from(pinion) * ratio;
-            let room = 1e-9 + exact * self.ratio_tolerance;
-            let mates = (exact - room).ceil() as u32..=(exact + room).floor() as u32;
-            for mate in mates {
-                for &module_mm in &modules {
-                    let teeth = [pinion, mate];
-                    sizes.push(Size {
-                        teeth,
-                        module_mm,
-                        campaign: campaign.with_size(file, teeth, module_mm)?,
-                    });
-                    if sizes.len() > MOST_SIZES {
-                        bail!(
-                            "more than {MOST_SIZES} sizes: narrow --teeth, --ratio-tolerance or --modules"
-                        );
-                    }
-                }
-            }
-        }
-        if sizes.is_empty() {
-            bail!(
-                "no whole number of teeth is within {} % of the ratio {ratio:.4}: widen --ratio-tolerance or --teeth",
-                100.0 * self.ratio_tolerance
-            );
-        }
-        Ok(sizes)
-    }
+/// A dimension in the tables: its column, its head on the page, and its value.
+type Listed = (Column, &'static str, fn(&Dimensions) -> Option<Cell>);
+
+/// The dimensions besides the module that some of the sizes list.
+fn listed_dimensions(all: &[Sized]) -> Vec<Listed> {
+    let columns: [Listed; 3] = [
+        (Column::number("face_width_mm"), "face width, mm", |one| {
+            one.face_width_mm.map(Cell::from)
+        }),
+        (Column::number("helix_angle_deg"), "helix angle, °", |one| {
+            one.helix_angle_deg.map(Cell::from)
+        }),
+        (Column::text("rack"), "rack", |one| {
+            one.rack.map(|rack| rack.to_string().into())
+        }),
+    ];
+    let mut columns = columns.to_vec();
+    let has = |of: fn(&Dimensions) -> Option<Cell>| {
+        all.iter().any(|one| of(&one.size.dimensions).is_some())
+    };
+    columns.retain(|(_, _, of)| has(*of));
+    columns
 }
 
 /// Searches every size, and verifies the best `top` of them; the best comes first.
@@ -222,16 +174,13 @@ pub fn write_tables(out: &Path, campaign: &Campaign, all: &[Sized]) -> anyhow::R
 
 fn summary(campaign: &Campaign, all: &[Sized]) -> PageTable {
     let measure = campaign.measure_name();
-    let mut table = PageTable::new([
-        "pair",
-        "teeth",
-        "ratio",
-        "module, mm",
-        "centre distance, mm",
-        &format!("{measure} in the search, µm"),
-        &format!("{measure}, µm"),
-        "file",
-    ]);
+    let dimensions = listed_dimensions(all);
+    let searched = format!("{measure} in the search, µm");
+    let measure = format!("{measure}, µm");
+    let mut heads = vec!["pair", "teeth", "ratio", "module, mm"];
+    heads.extend(dimensions.iter().map(|(_, head, _)| *head));
+    heads.extend(["centre distance, mm", &searched, &measure, "file"]);
+    let mut table = PageTable::new(heads);
     for (place, one) in all.iter().enumerate() {
         let (Some(best), Some(verified)) = (&one.best, &one.verified) else {
             continue;
@@ -242,16 +191,28 @@ fn summary(campaign: &Campaign, all: &[Sized]) -> PageTable {
         let distance = unloaded
             .and_then(Result::ok)
             .map_or(f64::NAN, |pair| pair.geometry().centre_distance);
-        table.rows.push(vec![
+        let mut row = vec![
             (place + 1).to_string(),
             format!("{pinion} : {mate}"),
             fixed(f64::from(mate) / f64::from(pinion), 4),
             fixed(best.criteria.gears().normal_module_mm, 3),
+        ];
+        row.extend(
+            dimensions
+                .iter()
+                .map(|(_, _, of)| match of(&one.size.dimensions) {
+                    Some(Cell::Text(text)) => text,
+                    Some(Cell::Number(number)) => number.to_string(),
+                    _ => String::new(),
+                }),
+        );
+        row.extend([
             fixed(distance, 3),
             fixed(best.criterion, 3),
             with_interval(verified),
             format!("pair-{}.toml", place + 1),
         ]);
+        table.rows.push(row);
     }
     table
 }
@@ -263,6 +224,8 @@ fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {
     let searched = measures[0].replace("_um", "_searched_um");
     let mut columns = ["teeth_p", "teeth_r"].map(Column::whole).to_vec();
     columns.push(Column::number("normal_module_mm"));
+    let dimensions = listed_dimensions(all);
+    columns.extend(dimensions.iter().map(|(column, _, _)| column.clone()));
     columns.extend(names.map(Column::number));
     columns.push(Column::number(searched));
     columns.extend(measures.map(Column::number));
@@ -274,7 +237,9 @@ fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {
         let criteria = best.map(|best| best.criteria.gears());
         let mut line = row![pinion, mate].to_vec();
         let module = criteria.map(|criteria| criteria.normal_module_mm);
-        line.push(module.or(one.size.module_mm).into());
+        line.push(module.or(one.size.dimensions.normal_module_mm).into());
+        let listed = dimensions.iter().map(|(_, _, of)| of(&one.size.dimensions));
+        line.extend(listed.map(|cell| cell.unwrap_or(Cell::Missing)));
         match best {
             Some(best) => line.extend(best.design.values().iter().copied().map(Cell::from)),
             None => line.extend(problem.variables().iter().map(|_| Cell::Missing)),
@@ -287,14 +252,20 @@ fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {
     table
 }
 
-/// The best size for each number of pinion teeth, a line for each module.
+/// The best size for each number of pinion teeth, a line for each module; of all other dimensions the best count.
 fn lines(all: &[Sized]) -> Vec<PercentileSeries> {
-    let mut modules: Vec<Option<f64>> = all.iter().map(|one| one.size.module_mm).collect();
+    let mut modules: Vec<Option<f64>> = all
+        .iter()
+        .map(|one| one.size.dimensions.normal_module_mm)
+        .collect();
     modules.sort_by(|a, b| a.unwrap_or(0.0).total_cmp(&b.unwrap_or(0.0)));
     modules.dedup();
     let of_module = |module: Option<f64>| {
         let mut points: Vec<(f64, IntervalEstimate)> = Vec::new();
-        for one in all.iter().filter(|one| one.size.module_mm == module) {
+        for one in all
+            .iter()
+            .filter(|one| one.size.dimensions.normal_module_mm == module)
+        {
             let teeth = f64::from(one.size.teeth[0]);
             // The best come first.
             if points.iter().any(|(known, _)| *known == teeth) {
@@ -308,7 +279,9 @@ fn lines(all: &[Sized]) -> Vec<PercentileSeries> {
             points.extend(one.verified.or(searched).map(|measure| (teeth, measure)));
         }
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let of_module = all.iter().filter(|one| one.size.module_mm == module);
+        let of_module = all
+            .iter()
+            .filter(|one| one.size.dimensions.normal_module_mm == module);
         let mut infeasible: Vec<f64> = of_module
             .map(|one| f64::from(one.size.teeth[0]))
             .filter(|teeth| points.iter().all(|(known, _)| known != teeth))
@@ -328,73 +301,4 @@ fn lines(all: &[Sized]) -> Vec<PercentileSeries> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn campaign() -> Campaign {
-        let mut campaign = Campaign::parse("wear.toml", Campaign::WEAR).unwrap();
-        campaign.optimise.evaluations = 300;
-        campaign.optimise.restart_at = Some(150);
-        campaign.optimise.starts = 1;
-        campaign.sampling.samples_per_design = 8;
-        campaign.verify.samples = Some(60);
-        campaign.verify.half_width = None;
-        campaign
-    }
-
-    fn range(teeth: &str, ratio_tolerance: f64) -> Range {
-        Range {
-            teeth: teeth.parse().unwrap(),
-            ratio_tolerance,
-            modules_mm: Vec::new(),
-        }
-    }
-
-    /// The ratio is 1.1: 20 teeth have a mate with 22, and with 5 % those with 21 to 23.
-    #[test]
-    fn mates_are_within_the_tolerance_of_the_ratio() {
-        let teeth = |range: Range| -> Vec<[u32; 2]> {
-            let sizes = range.sizes("wear.toml", &campaign()).unwrap();
-            sizes.iter().map(|size| size.teeth).collect()
-        };
-        assert_eq!(teeth(range("20", 0.0)), [[20, 22]]);
-        assert_eq!(teeth(range("20", 0.05)), [[20, 21], [20, 22], [20, 23]]);
-        let none = range("21", 0.001).sizes("wear.toml", &campaign());
-        assert!(none.unwrap_err().to_string().contains("--ratio-tolerance"));
-        let of_module = Range {
-            modules_mm: vec![3.0],
-            ..range("20", 0.0)
-        };
-        let error = of_module.sizes("wear.toml", &campaign()).unwrap_err();
-        assert!(error.to_string().contains("--modules"), "{error}");
-    }
-
-    #[test]
-    fn sizes_are_ranked_by_what_verification_says() {
-        let campaign = campaign();
-        let sizes = range("19..=21", 0.03).sizes("wear.toml", &campaign);
-        let sizes = sizes.unwrap();
-        let count = sizes.len();
-        let ranked = run(sizes.clone(), 2).unwrap();
-        assert_eq!(ranked, run(sizes, 2).unwrap());
-        assert_eq!(ranked.len(), count);
-        let verified: Vec<f64> = ranked
-            .iter()
-            .filter_map(|one| Some(one.verified?.value))
-            .collect();
-        assert_eq!(verified.len(), 2, "the best two are verified");
-        assert!(verified[0] <= verified[1]);
-        let folder = tempfile::tempdir().unwrap();
-        let document = write_tables(folder.path(), &campaign, &ranked).unwrap();
-        assert_eq!(document.tables[0].1.rows.len(), count);
-        let text = std::fs::read_to_string(folder.path().join("pair-1.toml")).unwrap();
-        let file = PairFile::parse("pair-1.toml", &text).unwrap();
-        assert_eq!(file.pair.teeth, ranked[0].size.teeth);
-        assert!(!folder.path().join("pair-3.toml").exists());
-        for one in &ranked {
-            let problem = Problem::new(one.size.campaign.clone());
-            let mut found = one.best.iter();
-            assert!(found.all(|found| problem.is_feasible(&found.criteria)));
-        }
-    }
-}
+mod tests;

@@ -6,6 +6,8 @@ use clap::Args;
 use problem::Approach;
 use runner::worker::SimulatorArguments;
 use studies::pareto::Objective;
+use studies::sensitivity::Tolerances;
+use studies::sizing::Range;
 use studies::sweep::Teeth;
 
 use super::approach_of_name;
@@ -45,15 +47,8 @@ pub(crate) struct Sizing {
     /// The campaign file, whose gear ratio, bounds and limits hold for all sizes
     #[arg(value_name = "CAMPAIGN.toml")]
     pub(crate) campaign: PathBuf,
-    /// Numbers of teeth of the pinion: 17..30 is 17 to 29, 17..=30 is 17 to 30
-    #[arg(long, value_name = "RANGE")]
-    pub(crate) teeth: Teeth,
-    /// Largest deviation of the gear ratio from the campaign's, as a share of it
-    #[arg(long, value_name = "SHARE", default_value_t = 0.02, value_parser = share)]
-    pub(crate) ratio_tolerance: f64,
-    /// Normal modules in mm, such as 2.5,2.75,3 [default: the campaign's]
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = module)]
-    pub(crate) modules: Vec<f64>,
+    #[command(flatten)]
+    pub(crate) range: Range,
     /// Number of sizes that get verification samples and a pair file
     #[arg(long, value_name = "N", default_value_t = 5,
         value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -84,17 +79,10 @@ pub(crate) struct Sensitivity {
     /// The approach whose optimum is analysed [default: the one with the least verified percentile]
     #[arg(long, value_name = "NAME", value_parser = approach_of_name)]
     pub(crate) approach: Option<Approach>,
-    /// Largest deviation of each of the six variables, in modules
-    ///
-    /// Tools keep their module: it stays as designed, and the centre distance at which the pair
-    /// meshes without backlash follows.
-    #[arg(long, value_name = "MODULES", default_value_t = 0.01, value_parser = share)]
-    pub(crate) tolerance: f64,
-    /// Largest deviation of the wear's depth, variance and range, as a share of each
-    #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
-    pub(crate) scenario: f64,
-    /// Rows of each analysis, preferably a power of two; a row simulates 11 pairs for the indices of
-    /// the percentile, and 12 for those of a single worn pair
+    #[command(flatten)]
+    pub(crate) tolerances: Tolerances,
+    /// Rows of each analysis, preferably a power of two; a row simulates two pairs more than there
+    /// are inputs
     #[arg(long, value_name = "N", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(8..=stats::SENSITIVITY_ROWS as i64))]
     pub(crate) rows: u32,
@@ -215,21 +203,6 @@ fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(number) if number > 0.0 && f64::is_finite(number) => Ok(number),
         _ => Err("it must be a number above 0".to_owned()),
-    }
-}
-
-/// Parses a deviation: a share from 0 to below 1.
-fn share(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(share) if (0.0..1.0).contains(&share) => Ok(share),
-        _ => Err("it must be a number from 0 to below 1".to_owned()),
-    }
-}
-
-fn module(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(module) if module > 0.0 && module <= 1000.0 => Ok(module),
-        _ => Err("it must be a module from above 0 to 1000 mm".to_owned()),
     }
 }
 

@@ -1,18 +1,29 @@
-//! `coordinator simulate`: one gear pair from a file.
+//! `coordinator simulate` and `coordinator import`: one gear pair from a file.
 
 use ::studies::simulate::{self, WearChoice};
 use problem::PairFile;
-use runner::exit::{self, ProgramError};
+use runner::exit::{self, HasExitCode, ProgramError};
 use tracing::{info, warn};
 
 use super::output_folder::OutputFolder;
-use super::{Usage, print_either, read};
+use super::{Usage, print, print_either, read};
 use crate::arguments;
 
 /// Default seed of random wear.
 const SEED: u64 = 1;
 /// Default number of samples of random wear.
 const SAMPLES: u32 = 30;
+
+/// The file is not what the command reads.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+struct WrongFile(String);
+
+impl HasExitCode for WrongFile {
+    fn exit_code(&self) -> u8 {
+        exit::BAD_FILE
+    }
+}
 
 /// Simulates the pair of a file, prints its figures, and says whether it is simulable and feasible.
 pub(super) fn simulate(arguments: &arguments::Simulate) -> Result<u8, ProgramError> {
@@ -31,6 +42,13 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> Result<u8, ProgramErr
         OutputFolder(out).require_new()?;
     }
     let text = read(&arguments.pair)?;
+    if text.trim_start().starts_with('<') {
+        let pair = arguments.pair.display();
+        return Err(WrongFile(format!(
+            "{pair} is XML, not a pair file: if it is REXS, `coordinator import {pair} > pair.toml` makes one of it"
+        ))
+        .into());
+    }
     let file = PairFile::parse(&arguments.pair.display().to_string(), &text)?;
     let request = simulate::Request {
         wear: arguments.wear,
@@ -60,4 +78,17 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> Result<u8, ProgramErr
     } else {
         exit::NOT_SIMULABLE
     })
+}
+
+/// Prints the pair file of a stage in REXS.
+pub(super) fn import(arguments: &arguments::Import) -> Result<u8, ProgramError> {
+    let text = read(&arguments.file)?;
+    let file = arguments.file.display().to_string();
+    let imported = simulate::import(&file, &text, arguments.torque)
+        .map_err(|error| WrongFile(format!("{error:#}")))?;
+    for note in &imported.notes {
+        warn!("{note}");
+    }
+    print(&imported.toml)?;
+    Ok(exit::OK)
 }

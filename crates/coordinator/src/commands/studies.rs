@@ -91,17 +91,12 @@ pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramErro
     })
 }
 
-/// `coordinator sizing`: other teeth and modules, each at its own optimum, ranked.
+/// `coordinator sizing`: other teeth and dimensions, each at its own optimum, ranked.
 pub(super) async fn sizing(arguments: arguments::Sizing) -> Result<u8, ProgramError> {
     let campaign = parse(&arguments.campaign)?;
     require_built_in(&campaign).map_err(usage)?;
-    let range = sizing::Range {
-        teeth: arguments.teeth,
-        ratio_tolerance: arguments.ratio_tolerance,
-        modules_mm: arguments.modules,
-    };
     let file = arguments.campaign.display().to_string();
-    let sizes = range.sizes(&file, &campaign).map_err(usage)?;
+    let sizes = arguments.range.sizes(&file, &campaign).map_err(usage)?;
     let out = new_folder(arguments.out, &campaign, "sizing")?;
     let doing = format!("searching {} sizes of {}", sizes.len(), campaign.name);
     let top = usize::from(arguments.top);
@@ -120,16 +115,12 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> Result<u8,
     require_built_in(&campaign).map_err(usage)?;
     let optimum = finished::optimum(&store, &problem, arguments.approach).await?;
     store.close().await?;
-    let tolerances = sensitivity::Tolerances {
-        modules: arguments.tolerance,
-        scenario: arguments.scenario,
-        rows: arguments.rows as usize,
-    };
+    let (tolerances, rows) = (arguments.tolerances, arguments.rows as usize);
     let out = new_folder(arguments.out, &campaign, "sensitivity")?;
     let studied = optimum.clone();
     let simulate = move || -> anyhow::Result<_> {
         let scenarios = sensitivity::scenarios(&problem, &studied)?;
-        let indices = sensitivity::indices(&problem, &studied, &tolerances)?;
+        let indices = sensitivity::indices(&problem, &studied, &tolerances, rows)?;
         Ok((scenarios, indices))
     };
     let doing = format!("simulating deviations from a design of {}", campaign.name);
@@ -138,7 +129,7 @@ pub(super) async fn sensitivity(arguments: arguments::Sensitivity) -> Result<u8,
     };
     let (scenarios, indices) = simulated?;
     let document =
-        sensitivity::write_tables(&out, &campaign, &optimum, &tolerances, &scenarios, &indices)?;
+        sensitivity::write_tables(&out, &campaign, &optimum, &scenarios, &indices, rows)?;
     finish(&document, &out, arguments.json)
 }
 

@@ -104,9 +104,8 @@ fn samples_do_not_depend_on_their_order() {
 fn helix_slopes_and_misalignment_scatter() {
     let class = Scatter::of_class(FlankClass::new(7).unwrap());
     let shafts = Scatter {
-        flank_class: None,
         misalignment: 0.02,
-        tip_relief: 0.0,
+        ..Scatter::default()
     };
     for model in ToothModel::ALL {
         for helix_angle in [0.0, 15_f64.to_radians()] {

@@ -121,7 +121,8 @@ impl GearSections {
 
     /// The values of each variable of a design, in the order of the variables: those of the pair, and then the
     /// corrections of a campaign that has them.
-    pub(crate) fn settings(&self) -> Vec<Setting> {
+    #[must_use]
+    pub fn settings(&self) -> Vec<Setting> {
         let corrections = self.corrections.iter();
         let corrections = corrections.flat_map(CorrectionsSection::settings);
         self.bounds

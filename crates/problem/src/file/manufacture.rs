@@ -52,6 +52,7 @@ impl Manufacture {
             flank_class: self.flank_class,
             misalignment: 1e-3 * self.misalignment_um.unwrap_or_default(),
             tip_relief: 1e-3 * self.tip_relief_tolerance_um.unwrap_or_default(),
+            ..gear::Scatter::default()
         }
     }
 

@@ -4,7 +4,7 @@ use gear::{Discretisation, PairInput};
 
 use super::space::DerivedValues;
 use super::{Analysis, Constraint, Design, State};
-use crate::file::{GearSections, HELIX_ANGLE, gear_size};
+use crate::file::{GearSections, HELIX_ANGLE, Relation, Setting, gear_size};
 
 mod cases;
 mod corrections;
@@ -126,6 +126,20 @@ impl Gears {
     #[must_use]
     pub fn corrections(&self, design: &Design) -> gear::Corrections {
         self.sections.corrections_of(design)
+    }
+
+    /// The design with these values, of which those that the campaign ties to others, or that follow from them, are
+    /// set anew.
+    #[must_use]
+    pub fn dependent(&self, mut values: Vec<f64>) -> Design {
+        for (place, setting) in self.sections.settings().into_iter().enumerate() {
+            match setting {
+                Setting::Relation(Relation::Tied) => values[place] = values[place - 1],
+                Setting::Relation(Relation::Follows) => values[place] = self.mate_shift(&values),
+                Setting::Free(_) | Setting::Stepped(_) | Setting::Fixed(_) => {}
+            }
+        }
+        Design::new(values)
     }
 
     /// The simulator's input for a design, without its corrections.

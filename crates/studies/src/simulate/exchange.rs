@@ -10,6 +10,8 @@ use super::Subject;
 
 mod rexs;
 
+pub use rexs::{Imported, import};
+
 /// Points on each involute and each fillet of a profile and of an outline.
 const POINTS: usize = 40;
 

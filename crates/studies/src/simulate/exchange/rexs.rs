@@ -10,6 +10,10 @@ use gear::inspection::Sheet;
 use gear::{Member, ReliefShape, UnloadedPair};
 use problem::PairFile;
 
+mod read;
+
+pub use read::{Imported, import};
+
 /// Identifier, unit and value; the value of a quantity that does not exist is not a number.
 type Attribute = (&'static str, &'static str, f64);
 

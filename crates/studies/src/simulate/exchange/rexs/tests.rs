@@ -144,3 +144,126 @@ fn a_written_pair_has_the_file_s_values() {
     assert_eq!(file.load.pinion_torque_nm, 100.0);
     assert!(xml.contains("name=\"A &amp; B &lt;1&gt;\""));
 }
+
+/// All that REXS holds comes back. Strength factors, wear, limits, load cases and names of racks are not in it.
+#[test]
+fn a_written_pair_is_imported_as_it_was() {
+    let (file, _, xml) = written();
+    let imported = import("p.rexs", &xml, None).unwrap();
+    let read = PairFile::parse("p.toml", &imported.toml).unwrap();
+    assert_eq!(read, file);
+    assert!(imported.notes.is_empty(), "{:?}", imported.notes);
+    let given = import("p.rexs", &xml, Some(77.0)).unwrap();
+    let given = PairFile::parse("p.toml", &given.toml).unwrap();
+    assert_eq!(given.load.pinion_torque_nm, 77.0);
+}
+
+/// Backlash and turned tips are sizes that do not follow from the others.
+#[test]
+fn sizes_that_do_not_follow_are_kept() {
+    let (_, _, xml) = written();
+    let tip = |diameter: f64| format!("id=\"tip_diameter\" unit=\"mm\">{diameter}<");
+    let (file, pair, _) = written();
+    let g = pair.geometry();
+    let (a, [d, other]) = (g.centre_distance, g.r_a.map(|r| 2.0 * r));
+    let changed = xml
+        .replace(&format!(">{a}<"), &format!(">{}<", a + 0.05))
+        .replace(&tip(d), &tip(d - 0.2));
+    let read = PairFile::parse("p.toml", &import("p.rexs", &changed, None).unwrap().toml).unwrap();
+    assert_eq!(read.pair.centre_distance_mm, Some(a + 0.05));
+    assert_eq!(read.pair.tip_diameter_mm, Some([d - 0.2, other]));
+    assert_eq!(read.load, file.load);
+}
+
+#[test]
+fn units_are_converted_and_missing_values_get_stated_defaults() {
+    let (file, _, xml) = written();
+    let metres = xml
+        .replace(
+            "id=\"face_width\" unit=\"mm\">25<",
+            "id=\"face_width\" unit=\"m\">0.025<",
+        )
+        .replace(
+            "id=\"tip_relief_depth\" unit=\"mm\">0.006<",
+            "id=\"tip_relief_depth\" unit=\"um\">6<",
+        );
+    assert_ne!(metres, xml);
+    let read = PairFile::parse("p.toml", &import("p.rexs", &metres, None).unwrap().toml).unwrap();
+    assert_eq!(read, file);
+    // A tool without its tip radius, a material without Poisson's ratio and a name that is not known.
+    let poor = xml
+        .replace("tip_radius_factor", "other_factor")
+        .replace("\"poisson_ratio\"", "\"other_ratio\"")
+        .replace("16MnCr5", "Unobtainium");
+    let imported = import("p.rexs", &poor, None).unwrap();
+    let read = PairFile::parse("p.toml", &imported.toml).unwrap();
+    assert_eq!(read.pair.root_radius_mm, [0.76; 2]);
+    assert_eq!(read.material.poisson_ratio, 0.3);
+    assert_eq!(imported.notes.len(), 3, "{:?}", imported.notes);
+    assert!(
+        imported
+            .toml
+            .starts_with("# cylindrical_gear \"Pinion\" (component")
+    );
+}
+
+#[test]
+fn what_cannot_be_imported_is_refused_by_component_and_attribute() {
+    let (_, _, xml) = written();
+    let refused = |from: &str, to: &str| {
+        let changed = xml.replace(from, to);
+        assert_ne!(changed, xml, "{from}");
+        format!("{:#}", import("p.rexs", &changed, None).unwrap_err())
+    };
+    for (from, to, why) in [
+        (
+            "<model version=\"1.5\"",
+            "<model version=\"2.0\"",
+            "version \"2.0\"",
+        ),
+        ("</model>", "", "p.rexs is not XML"),
+        (
+            "id=\"number_of_teeth\" unit=\"none\">37<",
+            "id=\"number_of_teeth\" unit=\"none\">-37<",
+            "cylindrical_gear \"Mate\" (component 15) has -37 teeth: internal",
+        ),
+        (
+            "type=\"gear_unit\" name",
+            "type=\"planetary_stage\" name",
+            "planetary_stage \"A & B <1>\" (component 1) is no external",
+        ),
+        (
+            "type=\"shaft\" name",
+            "type=\"cylindrical_stage\" name",
+            "it has 3 cylindrical stages instead of one",
+        ),
+        (
+            "id=\"face_width\" unit=\"mm\"",
+            "id=\"face_width\" unit=\"inch\"",
+            "face_width is in \"inch\", but must be in mm or um or m",
+        ),
+        (
+            "id=\"face_width\"",
+            "id=\"width\"",
+            "lacks the attribute face_width",
+        ),
+        (
+            "id=\"torque\"",
+            "id=\"power\"",
+            "give the torque on the pinion with --torque",
+        ),
+        (
+            "unit=\"deg\">-15<",
+            "unit=\"deg\">15<",
+            "must have opposite signs",
+        ),
+        (
+            "id=\"normal_pressure_angle\" unit=\"deg\">20<",
+            "id=\"normal_pressure_angle\" unit=\"deg\">80<",
+            "pair.pressure_angle_deg",
+        ),
+    ] {
+        let error = refused(from, to);
+        assert!(error.contains("p.rexs") && error.contains(why), "{error}");
+    }
+}

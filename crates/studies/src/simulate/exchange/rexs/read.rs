@@ -1,0 +1,673 @@
+//! A pair file from a cylindrical stage in REXS.
+//!
+//! One stage of two external gears is read. What REXS does not hold, or the file leaves out, gets a default, which a note
+//! states. The pair file is made as text and validated as a file is, so that errors name its keys.
+
+use std::fmt::{Debug, Write as _};
+
+use anyhow::{Context as _, bail, ensure};
+use gear::Rack;
+use problem::PairFile;
+use problem::file::Grade;
+use roxmltree::{Document, Node};
+
+use super::{NONE, STRESS};
+
+/// A pair file from REXS.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Imported {
+    /// The text of the pair file, whose comments are the notes.
+    pub toml: String,
+    /// Defaults, and parts of the file that are not read, a sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Units with their sizes in the unit that is read, which is the first.
+type Units = &'static [(&'static str, f64)];
+
+const LENGTH: Units = &[("mm", 1.0), ("um", 1e-3), ("m", 1e3)];
+const ANGLE: Units = &[("deg", 1.0), ("rad", 180.0 / std::f64::consts::PI)];
+const TORQUE: Units = &[("N m", 1.0)];
+const PRESSURE: Units = &[(STRESS, 1.0)];
+const NUMBER: Units = &[(NONE, 1.0)];
+
+/// Lengths that differ by less are equal, mm.
+const SAME_MM: f64 = 1e-6;
+
+/// Default of σ_Hlim, MPa: case-hardened steel by ISO 6336-5, quality MQ.
+const CONTACT_LIMIT_MPA: f64 = 1500.0;
+
+/// The pair file of the stage in `text`; `file` names it in errors. `torque_nm` is the torque on the pinion, N·m, instead
+/// of the file's.
+///
+/// # Errors
+///
+/// The text is not REXS, has another number or kind of stages, lacks a value without a default, or is no valid pair.
+pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<Imported> {
+    let document = Document::parse(text).with_context(|| format!("{file} is not XML"))?;
+    let root = document.root_element();
+    let version = root.attribute("version").unwrap_or_default();
+    ensure!(
+        root.tag_name().name() == "model" && version.starts_with("1."),
+        "{file} is not a REXS file of version 1: its root is <{}> with version {version:?} instead of <model> with \
+         version \"1.5\" or the like",
+        root.tag_name().name()
+    );
+    let model = Model { root };
+    let mut notes = Vec::new();
+    if version != "1.5" {
+        notes.push(format!(
+            "The file has version {version}; attributes are read by their names in REXS 1.5."
+        ));
+    }
+    let pair = Stage::of(model)
+        .and_then(|stage| stage.pair(torque_nm, &mut notes))
+        .with_context(|| format!("{file} cannot be imported"))?;
+    let what = format!("the pair of {file}");
+    let parsed = PairFile::parse(&what, &pair.text(Sizes::default()))?;
+    let sizes = pair.sizes(&parsed);
+    let body = pair.text(sizes);
+    PairFile::parse(&what, &body)?;
+    let comments: String = notes.iter().map(|note| format!("# {note}\n")).collect();
+    Ok(Imported {
+        toml: comments + &body,
+        notes,
+    })
+}
+
+/// The components and relations of a file.
+#[derive(Clone, Copy)]
+struct Model<'a> {
+    root: Node<'a, 'a>,
+}
+
+/// A component in words.
+fn named(component: Node<'_, '_>) -> String {
+    let [kind, name, id] =
+        ["type", "name", "id"].map(|key| component.attribute(key).unwrap_or_default());
+    format!("{kind} {name:?} (component {id})")
+}
+
+/// The attribute of a component.
+fn attribute<'a>(component: Node<'a, 'a>, id: &str) -> Option<Node<'a, 'a>> {
+    let mut attributes = component.children();
+    attributes.find(|one| one.has_tag_name("attribute") && one.attribute("id") == Some(id))
+}
+
+/// The text of an attribute.
+fn text<'a>(component: Node<'a, 'a>, id: &str) -> Option<&'a str> {
+    attribute(component, id)?.text().map(str::trim)
+}
+
+/// The number of an attribute in the first of these units; `None` if the component has none.
+fn number(component: Node<'_, '_>, id: &str, units: Units) -> anyhow::Result<Option<f64>> {
+    let Some(found) = attribute(component, id) else {
+        return Ok(None);
+    };
+    let unit = found.attribute("unit").unwrap_or(NONE);
+    let size = units.iter().find(|(name, _)| *name == unit);
+    let (_, size) = size.with_context(|| {
+        let known: Vec<&str> = units.iter().map(|(name, _)| *name).collect();
+        format!(
+            "{}: {id} is in {unit:?}, but must be in {}",
+            named(component),
+            known.join(" or ")
+        )
+    })?;
+    let written = found.text().unwrap_or_default().trim();
+    let value: Option<f64> = written.parse().ok().filter(|value: &f64| value.is_finite());
+    let value = value.with_context(|| {
+        format!(
+            "{}: {id} is {written:?}, but must be a number",
+            named(component)
+        )
+    })?;
+    Ok(Some(value * size))
+}
+
+/// As [`number`], for an attribute that must be there.
+fn required(component: Node<'_, '_>, id: &str, units: Units) -> anyhow::Result<f64> {
+    number(component, id, units)?
+        .with_context(|| format!("{} lacks the attribute {id}", named(component)))
+}
+
+impl<'a> Model<'a> {
+    fn list(self, list: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
+        let lists = self
+            .root
+            .children()
+            .filter(move |one| one.has_tag_name(list));
+        lists
+            .flat_map(|list| list.children())
+            .filter(Node::is_element)
+    }
+
+    fn component(self, id: &str) -> Option<Node<'a, 'a>> {
+        self.list("components")
+            .find(|one| one.attribute("id") == Some(id))
+    }
+
+    fn of_kind(self, kind: &'static str) -> Vec<Node<'a, 'a>> {
+        let components = self.list("components");
+        components
+            .filter(|one| one.attribute("type") == Some(kind))
+            .collect()
+    }
+
+    /// The components in a role of the relations of this kind in which `known` has its role.
+    fn related(self, kind: &str, known: (&str, Node<'a, 'a>), role: &str) -> Vec<Node<'a, 'a>> {
+        let relations = self.list("relations");
+        let of_kind = relations.filter(|one| one.attribute("type") == Some(kind));
+        let has_known = |relation: &Node<'a, 'a>| {
+            relation.children().any(|one| {
+                one.attribute("role") == Some(known.0)
+                    && one.attribute("id") == known.1.attribute("id")
+            })
+        };
+        of_kind
+            .filter(has_known)
+            .flat_map(|relation| relation.children())
+            .filter(|one| one.attribute("role") == Some(role))
+            .filter_map(|one| self.component(one.attribute("id")?))
+            .collect()
+    }
+}
+
+/// A cylindrical stage with its two gears, of which the first is the pinion.
+struct Stage<'a> {
+    model: Model<'a>,
+    stage: Node<'a, 'a>,
+    gears: [Node<'a, 'a>; 2],
+}
+
+impl<'a> Stage<'a> {
+    fn of(model: Model<'a>) -> anyhow::Result<Self> {
+        let other = model.list("components").find(|one| {
+            let kind = one.attribute("type").unwrap_or_default();
+            kind == "ring_gear" || kind.ends_with("_stage") && kind != "cylindrical_stage"
+        });
+        if let Some(other) = other {
+            bail!("{} is no external cylindrical stage", named(other));
+        }
+        let stages = model.of_kind("cylindrical_stage");
+        let [stage] = stages[..] else {
+            let names: Vec<String> = stages.iter().map(|one| named(*one)).collect();
+            bail!(
+                "it has {} cylindrical stages instead of one: {}",
+                stages.len(),
+                names.join(", ")
+            );
+        };
+        let of_role = |role| model.related("stage", ("stage", stage), role);
+        let related = [of_role("gear_1"), of_role("gear_2")].concat();
+        let gears = match related.is_empty() {
+            true => model.of_kind("cylindrical_gear"),
+            false => related,
+        };
+        let [pinion, mate] = gears[..] else {
+            bail!("{} has {} gears instead of two", named(stage), gears.len());
+        };
+        Ok(Self {
+            model,
+            stage,
+            gears: [pinion, mate],
+        })
+    }
+
+    /// A number of both gears.
+    fn of_gears(&self, id: &str, units: Units) -> anyhow::Result<Option<[f64; 2]>> {
+        let [pinion, mate] = self.gears;
+        let (pinion, mate) = (number(pinion, id, units)?, number(mate, id, units)?);
+        Ok(pinion.zip(mate).map(<[f64; 2]>::from))
+    }
+
+    /// A number of both gears that must be the same.
+    fn common(&self, id: &str, units: Units) -> anyhow::Result<f64> {
+        let [pinion, mate] = self.gears;
+        let (a, b) = (required(pinion, id, units)?, required(mate, id, units)?);
+        ensure!(
+            (a - b).abs() < SAME_MM,
+            "{id} is {a} at {} and {b} at {}, but must be the same",
+            named(pinion),
+            named(mate)
+        );
+        Ok(a)
+    }
+
+    fn teeth(&self, gear: Node<'_, '_>) -> anyhow::Result<u32> {
+        let teeth = required(gear, "number_of_teeth", NUMBER)?;
+        ensure!(
+            teeth > 0.0,
+            "{} has {teeth} teeth: internal gears are not simulated",
+            named(gear)
+        );
+        ensure!(
+            teeth.fract() == 0.0 && teeth < 1e6,
+            "{} has {teeth} teeth, but must have a whole number",
+            named(gear)
+        );
+        Ok(teeth as u32)
+    }
+
+    /// The torque on the pinion in the first load case, N·m.
+    fn torque(&self, teeth: [u32; 2], notes: &mut Vec<String>) -> anyhow::Result<f64> {
+        let spectra = self.model.list("load_spectrum");
+        let cases: Vec<Node<'_, '_>> = spectra
+            .filter(|one| one.has_tag_name("load_case"))
+            .collect();
+        for (place, case) in cases.iter().enumerate() {
+            for (i, gear) in self.gears.into_iter().enumerate() {
+                let role = ("gear", gear);
+                for data in self
+                    .model
+                    .related("stage_gear_data", role, "stage_gear_data")
+                {
+                    let mut loaded = case.children();
+                    let of_data = |one: &Node<'_, '_>| one.attribute("id") == data.attribute("id");
+                    let Some(loaded) = loaded.find(|one| one.is_element() && of_data(one)) else {
+                        continue;
+                    };
+                    let Some(torque) = number(loaded, "torque", TORQUE)? else {
+                        continue;
+                    };
+                    if cases.len() > 1 {
+                        notes.push(format!(
+                            "The torque is that of load case {} of {}.",
+                            place + 1,
+                            cases.len()
+                        ));
+                    }
+                    let ratio = f64::from(teeth[0]) / f64::from(teeth[i]);
+                    return Ok(torque.abs() * ratio);
+                }
+            }
+        }
+        bail!(
+            "no load case has the attribute torque of the pinion's or the mate's cylindrical_stage_gear_data: give the \
+             torque on the pinion with --torque"
+        )
+    }
+
+    fn pair(&self, torque_nm: Option<f64>, notes: &mut Vec<String>) -> anyhow::Result<Pair> {
+        let [pinion, mate] = self.gears;
+        let teeth = [self.teeth(pinion)?, self.teeth(mate)?];
+        let module = self.common("normal_module", LENGTH)?;
+        let flanks = [self.flank(pinion)?, self.flank(mate)?];
+        let angles = flanks.map(|flank| required(flank, "normal_pressure_angle", ANGLE));
+        let [angle, other] = angles;
+        let (angle, other) = (angle?, other?);
+        ensure!(
+            (angle - other).abs() < SAME_MM,
+            "the gears have normal_pressure_angle {angle} and {other} degrees, but must have the same"
+        );
+        let shifts =
+            flanks.map(|flank| required(flank, "addendum_modification_coefficient", NUMBER));
+        let [shift, other] = shifts;
+        let shift = [shift?, other?];
+        let torque_nm = match torque_nm {
+            Some(given) => given,
+            None => self.torque(teeth, notes)?,
+        };
+        let class = "tolerance_class_according_to_iso_1328_2013";
+        let [fine, coarse] = [number(pinion, class, NUMBER)?, number(mate, class, NUMBER)?];
+        if fine != coarse {
+            notes
+                .push("The flank tolerance class of both gears is that of the coarser one.".into());
+        }
+        let rounding = |gear| -> anyhow::Result<f64> {
+            Ok(number(gear, "custom_pitchline_tip_rounding", LENGTH)?.unwrap_or(0.0))
+        };
+        let tip_radius = [rounding(pinion)?, rounding(mate)?];
+        Ok(Pair {
+            module,
+            distance: number(self.stage, "center_distance", LENGTH)?.map(f64::abs),
+            pressure_angle: angle,
+            helix_angle: self.helix_angle(notes)?,
+            face_width: self.face_width(notes)?,
+            tools: self.tools(flanks, module, shift, notes)?,
+            tip_diameter: self.of_gears("tip_diameter", LENGTH)?,
+            hub_diameter: self.of_gears("inner_diameter", LENGTH)?,
+            tooth_model: text(self.stage, "custom_pitchline_tooth_model").map(str::to_owned),
+            corrections: self.corrections(flanks, notes)?,
+            material: self.material(notes)?,
+            class: fine.into_iter().chain(coarse).reduce(f64::max),
+            teeth,
+            shift,
+            tip_radius,
+            torque_nm,
+        })
+    }
+
+    /// The flank of a gear, whose two flanks must be alike.
+    fn flank(&self, gear: Node<'a, 'a>) -> anyhow::Result<Node<'a, 'a>> {
+        let of_side = |side| self.model.related("flank", ("gear", gear), side);
+        let sides = [of_side("left"), of_side("right")].concat();
+        let first = *sides
+            .first()
+            .with_context(|| format!("{} has no cylindrical_gear_flank", named(gear)))?;
+        for (id, units) in [
+            ("normal_pressure_angle", ANGLE),
+            ("addendum_modification_coefficient", NUMBER),
+        ] {
+            let value = number(first, id, units)?;
+            for other in &sides[1..] {
+                ensure!(
+                    number(*other, id, units)? == value,
+                    "{} and {} differ in {id}: asymmetric teeth are not simulated",
+                    named(first),
+                    named(*other)
+                );
+            }
+        }
+        Ok(first)
+    }
+
+    /// The helix angle of the pinion, degrees; the mate has the other hand.
+    fn helix_angle(&self, notes: &mut Vec<String>) -> anyhow::Result<f64> {
+        let id = "helix_angle_reference_diameter";
+        let Some([a, b]) = self.of_gears(id, ANGLE)? else {
+            notes.push(format!("{id} is missing: the teeth are straight."));
+            return Ok(0.0);
+        };
+        ensure!(
+            (a + b).abs() < SAME_MM,
+            "{id} is {a} and {b} degrees, but must have opposite signs: the axes would cross"
+        );
+        Ok(a)
+    }
+
+    fn face_width(&self, notes: &mut Vec<String>) -> anyhow::Result<f64> {
+        let [pinion, mate] = self.gears;
+        let a = required(pinion, "face_width", LENGTH)?;
+        let b = required(mate, "face_width", LENGTH)?;
+        if a != b {
+            notes.push(format!(
+                "The face widths are {a} and {b} mm; the smaller one counts."
+            ));
+        }
+        Ok(a.min(b))
+    }
+
+    /// Addendum and dedendum of the tools and radius of their tips, modules, of both gears.
+    fn tools(
+        &self,
+        flanks: [Node<'a, 'a>; 2],
+        module: f64,
+        shift: [f64; 2],
+        notes: &mut Vec<String>,
+    ) -> anyhow::Result<[[f64; 3]; 2]> {
+        let mut tools = [[0.0; 3]; 2];
+        for (i, gear) in self.gears.into_iter().enumerate() {
+            let of_flank = ("workpiece", flanks[i]);
+            let tool = self.model.related("manufacturing_step", of_flank, "tool");
+            let read = |id: &str| match tool.first() {
+                Some(tool) => number(*tool, id, NUMBER),
+                None => Ok(None),
+            };
+            // Without the tool's heights, the gear's diameters give them.
+            let diameter = number(gear, "reference_circle_diameter", LENGTH)?;
+            let height = |id: &str, sign: f64| -> anyhow::Result<Option<f64>> {
+                let circle = number(gear, id, LENGTH)?.zip(diameter);
+                Ok(circle.map(|(circle, d)| sign * (0.5 * (circle - d) / module - shift[i])))
+            };
+            let values = [
+                read("addendum_coefficient_reference_profile")?
+                    .map_or_else(|| height("root_diameter", -1.0), |one| Ok(Some(one)))?,
+                read("dedendum_coefficient_reference_profile")?
+                    .map_or_else(|| height("tip_diameter", 1.0), |one| Ok(Some(one)))?,
+                read("tip_radius_factor")?,
+            ];
+            let rack = Rack::A;
+            let defaults = [rack.addendum(), rack.dedendum(), rack.root_radius()];
+            let names = ["addendum", "dedendum", "tip radius"];
+            for (place, (value, default)) in values.into_iter().zip(defaults).enumerate() {
+                if value.is_none() {
+                    notes.push(format!(
+                        "{} lacks the {} of its tool: {default} modules, that of ISO 53 A.",
+                        named(gear),
+                        names[place]
+                    ));
+                }
+                tools[i][place] = value.unwrap_or(default);
+            }
+        }
+        Ok(tools)
+    }
+
+    /// The modifications of both gears.
+    fn corrections(
+        &self,
+        flanks: [Node<'a, 'a>; 2],
+        notes: &mut Vec<String>,
+    ) -> anyhow::Result<Corrections> {
+        let mut all = Corrections {
+            misalignment_um: micrometres(
+                number(self.stage, "custom_pitchline_misalignment", LENGTH)?.unwrap_or(0.0),
+            ),
+            ..Corrections::default()
+        };
+        for (i, flank) in flanks.into_iter().enumerate() {
+            for one in self
+                .model
+                .related("reference", ("origin", flank), "referenced")
+            {
+                let amount =
+                    |id: &str| Ok::<_, anyhow::Error>(micrometres(required(one, id, LENGTH)?));
+                match one.attribute("type").unwrap_or_default() {
+                    "tip_relief" => {
+                        all.relief_um[i] = amount("tip_relief_depth")?;
+                        all.relief_length_mm[i] = required(one, "tip_relief_datum_length", LENGTH)?;
+                        let shape = text(one, "shape_of_relief").unwrap_or("linear");
+                        ensure!(
+                            ["linear", "parabolic"].contains(&shape),
+                            "{} is {shape}, but must be linear or parabolic",
+                            named(one)
+                        );
+                        all.relief_shapes.push(shape.to_owned());
+                    }
+                    "helix_crowning" => {
+                        all.crowning_um += amount("helix_crowning_amount_datum_face")?;
+                    }
+                    // The gap grows by the difference.
+                    "helix_slope" => all.slope_um += [1.0, -1.0][i] * amount("helix_slope")?,
+                    _ => notes.push(format!("{} is not read.", named(one))),
+                }
+            }
+        }
+        all.relief_shapes.dedup();
+        ensure!(
+            all.relief_shapes.len() < 2,
+            "the tip reliefs of the gears are of shapes {}, but must be of one",
+            all.relief_shapes.join(" and ")
+        );
+        Ok(all)
+    }
+
+    /// The section `[material]`.
+    fn material(&self, notes: &mut Vec<String>) -> anyhow::Result<String> {
+        let of = |gear| {
+            self.model
+                .related("reference", ("origin", gear), "referenced")
+        };
+        let [material, other] = self.gears.map(|gear| {
+            let mut all = of(gear).into_iter();
+            all.find(|one| one.attribute("type") == Some("material"))
+        });
+        if material != other {
+            notes.push("The material of both gears is the pinion's.".to_owned());
+        }
+        let mut section = String::new();
+        let read = |id: &str, units| match material {
+            Some(material) => number(material, id, units),
+            None => Ok(None),
+        };
+        let grade = material
+            .and_then(|material| text(material, "material_designation"))
+            .filter(|name| serde_json::from_value::<Grade>((*name).into()).is_ok());
+        if let Some(name) = grade {
+            line(&mut section, "name", &name);
+        }
+        let gpa = read("elastic_modulus", PRESSURE)?.map(|mpa| 1e-3 * mpa);
+        let values = [
+            ("youngs_modulus_gpa", gpa, 206.0, "GPa, that of steel"),
+            (
+                "poisson_ratio",
+                read("poisson_ratio", NUMBER)?,
+                0.3,
+                "that of steel",
+            ),
+            (
+                "contact_limit_mpa",
+                read("endurance_limit_flank", PRESSURE)?,
+                CONTACT_LIMIT_MPA,
+                "MPa, σ_Hlim of case-hardened steel",
+            ),
+        ];
+        for (key, value, default, what) in values {
+            match (value, grade) {
+                (Some(value), _) => line(&mut section, key, &value),
+                // The name gives it.
+                (None, Some(_)) => {}
+                (None, None) => {
+                    notes.push(format!("The material lacks {key}: {default} {what}."));
+                    line(&mut section, key, &default);
+                }
+            }
+        }
+        if let Some(mpa) = read("basic_strength_root", PRESSURE)? {
+            line(&mut section, "bending_limit_mpa", &mpa);
+        }
+        Ok(section)
+    }
+}
+
+/// The corrections of a pair file.
+#[derive(Default)]
+struct Corrections {
+    relief_um: [f64; 2],
+    relief_length_mm: [f64; 2],
+    relief_shapes: Vec<String>,
+    crowning_um: f64,
+    slope_um: f64,
+    misalignment_um: f64,
+}
+
+/// The values of a pair file; lengths in mm, angles in degrees.
+struct Pair {
+    teeth: [u32; 2],
+    module: f64,
+    distance: Option<f64>,
+    pressure_angle: f64,
+    helix_angle: f64,
+    face_width: f64,
+    shift: [f64; 2],
+    /// Addendum, dedendum and tip radius, modules.
+    tools: [[f64; 3]; 2],
+    tip_radius: [f64; 2],
+    tip_diameter: Option<[f64; 2]>,
+    hub_diameter: Option<[f64; 2]>,
+    tooth_model: Option<String>,
+    torque_nm: f64,
+    material: String,
+    class: Option<f64>,
+    corrections: Corrections,
+}
+
+/// Sizes that a pair file needs only where they are not those that follow from the others, mm.
+#[derive(Default)]
+struct Sizes {
+    distance: Option<f64>,
+    tip_diameter: Option<[f64; 2]>,
+}
+
+/// A length in µm, without the last digits that the conversion to mm and back leaves.
+fn micrometres(mm: f64) -> f64 {
+    (1e12 * mm).round() / 1e9
+}
+
+/// Adds a line with a key. Writing to a string does not fail.
+fn line(section: &mut String, key: &str, value: &dyn Debug) {
+    let _ = writeln!(section, "{key} = {value:?}");
+}
+
+impl Pair {
+    /// The sizes that do not follow from the others; `parsed` is the pair without them.
+    fn sizes(&self, parsed: &PairFile) -> Sizes {
+        // A pair that is not simulable keeps all sizes of the file.
+        let follows = gear::Geometry::new(&parsed.to_gear()).ok();
+        let differs = |given: f64, of: fn(&gear::Geometry) -> f64| {
+            let follows = follows.as_ref().map(of);
+            follows.is_none_or(|follows| (given - follows).abs() > SAME_MM)
+        };
+        let tips = self.tip_diameter.filter(|&[pinion, mate]| {
+            differs(pinion, |g| 2.0 * g.r_a[0]) || differs(mate, |g| 2.0 * g.r_a[1])
+        });
+        Sizes {
+            distance: self.distance.filter(|a| differs(*a, |g| g.centre_distance)),
+            tip_diameter: tips,
+        }
+    }
+
+    /// The text of the pair file with these sizes.
+    fn text(&self, sizes: Sizes) -> String {
+        let mut text = "[pair]\n".to_owned();
+        let [addendum, dedendum, radius] = [0, 1, 2].map(|place| self.tools.map(|one| one[place]));
+        line(&mut text, "teeth", &self.teeth);
+        line(&mut text, "normal_module_mm", &self.module);
+        if let Some(distance) = sizes.distance {
+            line(&mut text, "centre_distance_mm", &distance);
+        }
+        line(&mut text, "pressure_angle_deg", &self.pressure_angle);
+        line(&mut text, "helix_angle_deg", &self.helix_angle);
+        line(&mut text, "face_width_mm", &self.face_width);
+        line(&mut text, "profile_shift", &self.shift);
+        line(&mut text, "tool_addendum", &addendum);
+        line(&mut text, "tool_dedendum", &dedendum);
+        line(&mut text, "tip_radius_mm", &self.tip_radius);
+        line(
+            &mut text,
+            "root_radius_mm",
+            &radius.map(|one| one * self.module),
+        );
+        if let Some(diameters) = sizes.tip_diameter {
+            line(&mut text, "tip_diameter_mm", &diameters);
+        }
+        if let Some(model) = &self.tooth_model {
+            line(&mut text, "tooth_model", model);
+        }
+        if let Some(diameters) = self.hub_diameter {
+            line(&mut text, "hub_radius_mm", &diameters.map(|one| 0.5 * one));
+        }
+        text += "[load]\n";
+        line(&mut text, "pinion_torque_nm", &self.torque_nm);
+        text = text + "[material]\n" + &self.material;
+        if let Some(class) = self.class {
+            text += "[manufacture]\n";
+            line(&mut text, "flank_class", &(class as i64));
+        }
+        let corrections = &self.corrections;
+        let mut section = String::new();
+        if let Some(shape) = corrections.relief_shapes.first() {
+            line(&mut section, "tip_relief_um", &corrections.relief_um);
+            line(
+                &mut section,
+                "tip_relief_length_mm",
+                &corrections.relief_length_mm,
+            );
+            line(&mut section, "tip_relief_shape", shape);
+        }
+        for (key, um) in [
+            ("crowning_um", corrections.crowning_um),
+            ("helix_slope_um", corrections.slope_um),
+            ("misalignment_um", corrections.misalignment_um),
+        ] {
+            if um != 0.0 {
+                line(&mut section, key, &um);
+            }
+        }
+        if !section.is_empty() {
+            text = text + "[corrections]\n" + &section;
+        }
+        text
+    }
+}
