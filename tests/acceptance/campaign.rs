@@ -118,7 +118,7 @@ fn optima_are_feasible(optima: &[Vec<String>]) {
         assert!(value("hertz_pressure_mpa") < 1550.0, "{row:?}");
         let (low, p90, high) = (value("p90_low_um"), value("p90_um"), value("p90_high_um"));
         assert!(low < p90 && p90 < high, "{row:?}");
-        let difference = value("p90_converged_difference_um");
+        let difference = value("p90_grid_difference_um");
         assert!(
             difference != 0.0 && difference.abs() < 0.02 * p90,
             "{row:?}"

@@ -16,7 +16,7 @@ use stages::rounds::Round;
 use store::{OriginRow, Store};
 
 use crate::columns::{squared, statistic};
-use crate::converged::difference_um;
+use crate::finer_grid::difference_um;
 use crate::optima::Optima;
 use crate::report::EnrichmentRound;
 use crate::table::{Cell, Column, Format, TableWriter};
@@ -365,7 +365,7 @@ async fn optima<W: Write + Send>(
     let estimates = ["criterion", "{p}", "{p}_low", "{p}_high"];
     columns.extend(estimates.map(|what| statistic(problem, what)));
     let has_grid = problem.gears().is_some();
-    columns.extend(has_grid.then(|| statistic(problem, "{p}_converged_difference")));
+    columns.extend(has_grid.then(|| statistic(problem, "{p}_grid_difference")));
     columns.extend(criteria.iter().map(quantity));
     for measured in problem.limited() {
         let name = &measured.quantity.name;

@@ -15,13 +15,13 @@
 pub mod cell;
 mod columns;
 pub mod comparison;
-mod converged;
 pub mod costs;
 pub mod describing;
 pub mod descriptors;
 mod doubts;
 pub mod estimate;
 pub mod export;
+mod finer_grid;
 pub mod live;
 pub mod model;
 pub mod modelling;

@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::bounds::Setting;
-use super::{Campaign, FileError, GearSections};
+use super::{Campaign, FaceWidth, FileError, GearSections};
 
 /// The dimensions that a size changes besides the teeth; those that are absent stay the campaign's.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -84,7 +84,8 @@ impl Dimensions {
     fn change(self, sections: &mut GearSections) {
         let pair = &mut sections.pair;
         pair.normal_module_mm = self.normal_module_mm.or(pair.normal_module_mm);
-        pair.face_width_mm = self.face_width_mm.unwrap_or(pair.face_width_mm);
+        let width = self.face_width_mm.map(FaceWidth::Both);
+        pair.face_width_mm = width.unwrap_or(pair.face_width_mm);
         let (bounds, mut frozen) = (&mut sections.bounds, sections.frozen.as_mut());
         if let Some(degrees) = self.helix_angle_deg {
             bounds.helix_angle_deg = Setting::Fixed(degrees);

@@ -8,7 +8,7 @@ use problem::Approach;
 use stages::optima::Optimum;
 
 use super::torque::{RandomFlanks, over_torque};
-use crate::converged::difference_um;
+use crate::finer_grid::difference_um;
 use crate::snapshot::Snapshot;
 
 /// Points on each flank of a drawn gear.
@@ -22,8 +22,8 @@ const FACE_PARTS: usize = 20;
 /// Drawings and curves of a pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Illustration {
-    /// P90 on the converged grid less P90 on the campaign's grid, from the same wear, µm.
-    pub converged_difference_um: Option<f64>,
+    /// P90 on a finer grid less P90 on the campaign's grid, from the same wear, µm.
+    pub grid_difference_um: Option<f64>,
     /// The gears in mesh.
     pub drawing: GearDrawing,
     /// Static transmission error over one mesh period.
@@ -151,7 +151,7 @@ pub(super) fn illustrations(snapshot: &Snapshot) -> BTreeMap<Approach, Illustrat
         let found = optimum.found.as_ref().ok()?;
         let pair = gears.pair(&found.design).ok()?;
         let illustration = Illustration {
-            converged_difference_um: difference_um(problem, &found.design),
+            grid_difference_um: difference_um(problem, &found.design),
             drawing: drawing(&pair),
             ste: ste(&pair, gears.wear()),
             contact: Some(contact(&pair, Some(gears.wear()))),

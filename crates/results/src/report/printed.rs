@@ -188,7 +188,7 @@ fn illustration(snapshot: &Snapshot, figure: u8) -> Option<Illustration> {
     let pair = gears.pair(&design(Place::Figure(figure))).ok()?;
     Some(Illustration {
         torque: None,
-        converged_difference_um: None,
+        grid_difference_um: None,
         drawing: drawing::drawing(&pair),
         ste: drawing::ste(&pair, gears.wear()),
         contact: None,

@@ -18,7 +18,7 @@ pub(super) struct ApproachRow<'a> {
     pub(super) verified: &'a VerifiedOptimum,
     /// The design, or why there is none.
     pub(super) design: Result<DesignCells, String>,
-    /// By how much P90 changes on the converged grid.
+    /// By how much P90 changes on a finer grid.
     pub(super) converged: Option<String>,
     /// The constraints without a column.
     pub(super) further: Vec<Value>,
@@ -66,7 +66,7 @@ pub(super) fn approaches<'a>(report: &'a Report, gears: &GearFigures) -> Vec<App
         let optimum = &verified.optimum;
         let approach = optimum.approach;
         let illustration = gears.illustrations.get(&approach);
-        let converged = illustration.and_then(|shown| shown.converged_difference_um);
+        let converged = illustration.and_then(|shown| shown.grid_difference_um);
         let further = verified
             .constraints
             .iter()

@@ -149,9 +149,9 @@ fn summary(
     illustration: Option<&Illustration>,
     measure: &str,
 ) -> String {
-    let converged = illustration.and_then(|shown| shown.converged_difference_um);
+    let converged = illustration.and_then(|shown| shown.grid_difference_um);
     let converged = converged.map_or_else(String::new, |value| {
-        format!(" ({} µm on the converged grid)", difference(value))
+        format!(" ({} µm on a finer grid)", difference(value))
     });
     format!(
         "{} {} µm, verified {measure} {} µm{converged}; {}.",

@@ -389,7 +389,7 @@ fn illustrations() -> BTreeMap<Approach, Illustration> {
     rows.map(|(i, row)| {
         let design = paper::printed(row.figure).expect("table 5 names printed designs");
         let illustration = Illustration {
-            converged_difference_um: Some(-0.0006),
+            grid_difference_um: Some(-0.0006),
             drawing: gears(&design.variables),
             ste: ste(i),
             contact: Some(contact()),
@@ -496,7 +496,7 @@ fn printed() -> Vec<PrintedDesign> {
                     _ => Ok(figures),
                 },
                 illustration: (i == 0).then(|| Illustration {
-                    converged_difference_um: None,
+                    grid_difference_um: None,
                     drawing: gears(&printed.variables),
                     ste: ste(i),
                     contact: None,

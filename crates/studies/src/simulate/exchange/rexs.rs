@@ -9,7 +9,9 @@ use std::fmt::{Display, Write as _};
 use gear::inspection::Sheet;
 use gear::{Member, ReliefShape, UnloadedPair};
 use problem::PairFile;
+use problem::file::Material;
 
+mod pair_text;
 mod read;
 
 pub use read::{Imported, import};
@@ -150,7 +152,11 @@ fn model(title: &str, file: &PairFile, pair: &UnloadedPair) -> (Model, usize) {
     let tooth_model = &file.pair.tooth_model;
     model.attribute(stage, "custom_pitchline_tooth_model", NONE, tooth_model);
     model.relate("assembly", &[("assembly", unit), ("part", stage)]);
-    let material = material(&mut model, file);
+    let materials = match &file.material.mate {
+        None => [material(&mut model, "both gears", &file.material.pinion); 2],
+        Some(mate) => [("the pinion", &file.material.pinion), ("the mate", mate)]
+            .map(|(whose, one)| material(&mut model, whose, one)),
+    };
     let [pinion, mate] = Member::BOTH.map(|member| {
         let i = member.index();
         let name = ["Pinion", "Mate"][i];
@@ -158,7 +164,10 @@ fn model(title: &str, file: &PairFile, pair: &UnloadedPair) -> (Model, usize) {
         model.relate("assembly", &[("assembly", unit), ("part", shaft)]);
         let gear = gear(&mut model, name, file, pair, &sheet, i);
         model.relate("assembly", &[("assembly", shaft), ("part", gear)]);
-        model.relate("reference", &[("origin", gear), ("referenced", material)]);
+        model.relate(
+            "reference",
+            &[("origin", gear), ("referenced", materials[i])],
+        );
         let data = model.add(
             "cylindrical_stage_gear_data",
             &format!("{name} in the stage"),
@@ -187,12 +196,11 @@ fn model(title: &str, file: &PairFile, pair: &UnloadedPair) -> (Model, usize) {
     (model, pinion.1)
 }
 
-fn material(model: &mut Model, file: &PairFile) -> usize {
-    let material = &file.material.pinion;
+fn material(model: &mut Model, whose: &str, material: &Material) -> usize {
     let bending = material.bending_limit_mpa.unwrap_or(f64::NAN);
     let number = model.add(
         "material",
-        "Material of both gears",
+        &format!("Material of {whose}"),
         &[
             ("elastic_modulus", STRESS, 1e3 * material.youngs_modulus_gpa),
             ("poisson_ratio", NONE, material.poisson_ratio),
@@ -227,7 +235,7 @@ fn gear(
         &[
             ("normal_module", "mm", g.normal_module),
             ("helix_angle_reference_diameter", "deg", helix),
-            ("face_width", "mm", g.face_width),
+            ("face_width", "mm", input.face_width[i]),
             ("reference_circle_diameter", "mm", 2.0 * g.r[i]),
             ("base_circle_diameter", "mm", 2.0 * g.r_b[i]),
             ("tip_diameter", "mm", 2.0 * g.r_a[i]),

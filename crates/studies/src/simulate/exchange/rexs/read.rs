@@ -3,14 +3,13 @@
 //! One stage of two external gears is read. What REXS does not hold, or the file leaves out, gets a default, which a note
 //! states. The pair file is made as text and validated as a file is, so that errors name its keys.
 
-use std::fmt::{Debug, Write as _};
-
 use anyhow::{Context as _, bail, ensure};
 use gear::Rack;
 use problem::PairFile;
-use problem::file::Grade;
+use problem::file::{FaceWidth, Grade};
 use roxmltree::{Document, Node};
 
+use super::pair_text::{Corrections, Pair, SAME_MM, Sizes, line, micrometres};
 use super::{NONE, STRESS};
 
 /// A pair file from REXS.
@@ -30,9 +29,6 @@ const ANGLE: Units = &[("deg", 1.0), ("rad", 180.0 / std::f64::consts::PI)];
 const TORQUE: Units = &[("N m", 1.0)];
 const PRESSURE: Units = &[(STRESS, 1.0)];
 const NUMBER: Units = &[(NONE, 1.0)];
-
-/// Lengths that differ by less are equal, mm.
-const SAME_MM: f64 = 1e-6;
 
 /// Default of σ_Hlim, MPa: case-hardened steel by ISO 6336-5, quality MQ.
 const CONTACT_LIMIT_MPA: f64 = 1500.0;
@@ -323,13 +319,13 @@ impl<'a> Stage<'a> {
             distance: number(self.stage, "center_distance", LENGTH)?.map(f64::abs),
             pressure_angle: angle,
             helix_angle: self.helix_angle(notes)?,
-            face_width: self.face_width(notes)?,
+            face_width: self.face_width()?,
             tools: self.tools(flanks, module, shift, notes)?,
             tip_diameter: self.of_gears("tip_diameter", LENGTH)?,
             hub_diameter: self.of_gears("inner_diameter", LENGTH)?,
             tooth_model: text(self.stage, "custom_pitchline_tooth_model").map(str::to_owned),
             corrections: self.corrections(flanks, notes)?,
-            material: self.material(notes)?,
+            materials: self.materials(notes)?,
             class: fine.into_iter().chain(coarse).reduce(f64::max),
             teeth,
             shift,
@@ -376,16 +372,16 @@ impl<'a> Stage<'a> {
         Ok(a)
     }
 
-    fn face_width(&self, notes: &mut Vec<String>) -> anyhow::Result<f64> {
+    fn face_width(&self) -> anyhow::Result<FaceWidth> {
         let [pinion, mate] = self.gears;
-        let a = required(pinion, "face_width", LENGTH)?;
-        let b = required(mate, "face_width", LENGTH)?;
-        if a != b {
-            notes.push(format!(
-                "The face widths are {a} and {b} mm; the smaller one counts."
-            ));
-        }
-        Ok(a.min(b))
+        let widths = [
+            required(pinion, "face_width", LENGTH)?,
+            required(mate, "face_width", LENGTH)?,
+        ];
+        Ok(match widths[0] == widths[1] {
+            true => FaceWidth::Both(widths[0]),
+            false => FaceWidth::Each(widths),
+        })
     }
 
     /// Addendum and dedendum of the tools and radius of their tips, modules, of both gears.
@@ -483,19 +479,29 @@ impl<'a> Stage<'a> {
         Ok(all)
     }
 
-    /// The section `[material]`.
-    fn material(&self, notes: &mut Vec<String>) -> anyhow::Result<String> {
+    /// The section `[material]`, with that of the mate if it is another one.
+    fn materials(&self, notes: &mut Vec<String>) -> anyhow::Result<String> {
         let of = |gear| {
             self.model
                 .related("reference", ("origin", gear), "referenced")
         };
-        let [material, other] = self.gears.map(|gear| {
+        let [pinion, mate] = self.gears.map(|gear| {
             let mut all = of(gear).into_iter();
             all.find(|one| one.attribute("type") == Some("material"))
         });
-        if material != other {
-            notes.push("The material of both gears is the pinion's.".to_owned());
+        let mut section = "[material]\n".to_owned() + &self.material(pinion, notes)?;
+        if mate != pinion {
+            section = section + "[material.mate]\n" + &self.material(mate, notes)?;
         }
+        Ok(section)
+    }
+
+    /// The keys of a material.
+    fn material(
+        &self,
+        material: Option<Node<'a, 'a>>,
+        notes: &mut Vec<String>,
+    ) -> anyhow::Result<String> {
         let mut section = String::new();
         let read = |id: &str, units| match material {
             Some(material) => number(material, id, units),
@@ -538,136 +544,5 @@ impl<'a> Stage<'a> {
             line(&mut section, "bending_limit_mpa", &mpa);
         }
         Ok(section)
-    }
-}
-
-/// The corrections of a pair file.
-#[derive(Default)]
-struct Corrections {
-    relief_um: [f64; 2],
-    relief_length_mm: [f64; 2],
-    relief_shapes: Vec<String>,
-    crowning_um: f64,
-    slope_um: f64,
-    misalignment_um: f64,
-}
-
-/// The values of a pair file; lengths in mm, angles in degrees.
-struct Pair {
-    teeth: [u32; 2],
-    module: f64,
-    distance: Option<f64>,
-    pressure_angle: f64,
-    helix_angle: f64,
-    face_width: f64,
-    shift: [f64; 2],
-    /// Addendum, dedendum and tip radius, modules.
-    tools: [[f64; 3]; 2],
-    tip_radius: [f64; 2],
-    tip_diameter: Option<[f64; 2]>,
-    hub_diameter: Option<[f64; 2]>,
-    tooth_model: Option<String>,
-    torque_nm: f64,
-    material: String,
-    class: Option<f64>,
-    corrections: Corrections,
-}
-
-/// Sizes that a pair file needs only where they are not those that follow from the others, mm.
-#[derive(Default)]
-struct Sizes {
-    distance: Option<f64>,
-    tip_diameter: Option<[f64; 2]>,
-}
-
-/// A length in µm, without the last digits that the conversion to mm and back leaves.
-fn micrometres(mm: f64) -> f64 {
-    (1e12 * mm).round() / 1e9
-}
-
-/// Adds a line with a key. Writing to a string does not fail.
-fn line(section: &mut String, key: &str, value: &dyn Debug) {
-    let _ = writeln!(section, "{key} = {value:?}");
-}
-
-impl Pair {
-    /// The sizes that do not follow from the others; `parsed` is the pair without them.
-    fn sizes(&self, parsed: &PairFile) -> Sizes {
-        // A pair that is not simulable keeps all sizes of the file.
-        let follows = gear::Geometry::new(&parsed.to_gear()).ok();
-        let differs = |given: f64, of: fn(&gear::Geometry) -> f64| {
-            let follows = follows.as_ref().map(of);
-            follows.is_none_or(|follows| (given - follows).abs() > SAME_MM)
-        };
-        let tips = self.tip_diameter.filter(|&[pinion, mate]| {
-            differs(pinion, |g| 2.0 * g.r_a[0]) || differs(mate, |g| 2.0 * g.r_a[1])
-        });
-        Sizes {
-            distance: self.distance.filter(|a| differs(*a, |g| g.centre_distance)),
-            tip_diameter: tips,
-        }
-    }
-
-    /// The text of the pair file with these sizes.
-    fn text(&self, sizes: Sizes) -> String {
-        let mut text = "[pair]\n".to_owned();
-        let [addendum, dedendum, radius] = [0, 1, 2].map(|place| self.tools.map(|one| one[place]));
-        line(&mut text, "teeth", &self.teeth);
-        line(&mut text, "normal_module_mm", &self.module);
-        if let Some(distance) = sizes.distance {
-            line(&mut text, "centre_distance_mm", &distance);
-        }
-        line(&mut text, "pressure_angle_deg", &self.pressure_angle);
-        line(&mut text, "helix_angle_deg", &self.helix_angle);
-        line(&mut text, "face_width_mm", &self.face_width);
-        line(&mut text, "profile_shift", &self.shift);
-        line(&mut text, "tool_addendum", &addendum);
-        line(&mut text, "tool_dedendum", &dedendum);
-        line(&mut text, "tip_radius_mm", &self.tip_radius);
-        line(
-            &mut text,
-            "root_radius_mm",
-            &radius.map(|one| one * self.module),
-        );
-        if let Some(diameters) = sizes.tip_diameter {
-            line(&mut text, "tip_diameter_mm", &diameters);
-        }
-        if let Some(model) = &self.tooth_model {
-            line(&mut text, "tooth_model", model);
-        }
-        if let Some(diameters) = self.hub_diameter {
-            line(&mut text, "hub_radius_mm", &diameters.map(|one| 0.5 * one));
-        }
-        text += "[load]\n";
-        line(&mut text, "pinion_torque_nm", &self.torque_nm);
-        text = text + "[material]\n" + &self.material;
-        if let Some(class) = self.class {
-            text += "[manufacture]\n";
-            line(&mut text, "flank_class", &(class as i64));
-        }
-        let corrections = &self.corrections;
-        let mut section = String::new();
-        if let Some(shape) = corrections.relief_shapes.first() {
-            line(&mut section, "tip_relief_um", &corrections.relief_um);
-            line(
-                &mut section,
-                "tip_relief_length_mm",
-                &corrections.relief_length_mm,
-            );
-            line(&mut section, "tip_relief_shape", shape);
-        }
-        for (key, um) in [
-            ("crowning_um", corrections.crowning_um),
-            ("helix_slope_um", corrections.slope_um),
-            ("misalignment_um", corrections.misalignment_um),
-        ] {
-            if um != 0.0 {
-                line(&mut section, key, &um);
-            }
-        }
-        if !section.is_empty() {
-            text = text + "[corrections]\n" + &section;
-        }
-        text
     }
 }

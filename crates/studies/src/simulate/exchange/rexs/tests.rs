@@ -13,6 +13,7 @@ const RELATIONS: &str = include_str!("relations_1.5.csv");
 fn text() -> String {
     let changes = [
         ("helix_angle_deg = 0.0", "helix_angle_deg = 15.0"),
+        ("face_width_mm = 25.0", "face_width_mm = [25.0, 24.0]"),
         ("[load]", "hub_radius_mm = [12.0, 20.0]\n[load]"),
         ("[material]", "[material]\nname = \"16MnCr5\""),
     ];
@@ -21,7 +22,7 @@ fn text() -> String {
         .fold(PAIR.to_owned(), |text, (from, to)| text.replace(from, to));
     text + "[manufacture]\nflank_class = 6\n[corrections]\ntip_relief_um = [6.0, 0.0]\n\
             tip_relief_length_mm = [2.0, 0.0]\ntip_relief_shape = \"parabolic\"\ncrowning_um = 4.0\n\
-            helix_slope_um = -3.0\n"
+            helix_slope_um = -3.0\n[material.mate]\nname = \"C45\"\nhardness_hv = 200\n"
 }
 
 fn written() -> (PairFile, UnloadedPair, String) {
@@ -133,7 +134,7 @@ fn a_written_pair_has_the_file_s_values() {
             &["0.004"],
         ),
         ("cylindrical_stage_gear_data", "torque", &["100"]),
-        ("material", "material_designation", &["16MnCr5"]),
+        ("material", "material_designation", &["16MnCr5", "C45"]),
     ] {
         assert_eq!(values(kind, id), expected, "{kind} {id}");
     }
@@ -197,8 +198,8 @@ fn units_are_converted_and_missing_values_get_stated_defaults() {
         .replace("16MnCr5", "Unobtainium");
     let imported = import("p.rexs", &poor, None).unwrap();
     let read = PairFile::parse("p.toml", &imported.toml).unwrap();
-    assert_eq!(read.pair.root_radius_mm, [0.76; 2]);
-    assert_eq!(read.material.poisson_ratio, 0.3);
+    assert_eq!(read.pair.root_radius_mm, Some([0.76; 2]));
+    assert_eq!(read.material.pinion.poisson_ratio, 0.3);
     assert_eq!(imported.notes.len(), 3, "{:?}", imported.notes);
     assert!(
         imported
@@ -225,7 +226,7 @@ fn what_cannot_be_imported_is_refused_by_component_and_attribute() {
         (
             "id=\"number_of_teeth\" unit=\"none\">37<",
             "id=\"number_of_teeth\" unit=\"none\">-37<",
-            "cylindrical_gear \"Mate\" (component 15) has -37 teeth: internal",
+            "cylindrical_gear \"Mate\" (component 16) has -37 teeth: internal",
         ),
         (
             "type=\"gear_unit\" name",
