@@ -3,8 +3,7 @@
 use problem::Approach;
 use stages::names;
 
-use crate::number::shortest;
-use crate::report::quantity::{approach_name, variable_name};
+use crate::report::quantity::approach_name;
 use crate::snapshot::Snapshot;
 
 /// The notes of a campaign, a sentence or more each.
@@ -20,7 +19,6 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
         );
     }
     notes.extend(snapshot.doubts.clone());
-    notes.extend(at_bounds(snapshot));
     if !campaign.is_external() {
         notes.extend(pointed_tips(snapshot));
     }
@@ -80,36 +78,6 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
             .to_owned()
     });
     notes
-}
-
-/// The distance from a bound, relative to the range, within which a value is at it.
-const AT_BOUND: f64 = 1e-3;
-
-/// A note for each continuous variable that the recommended design has at a bound.
-fn at_bounds(snapshot: &Snapshot) -> Vec<String> {
-    let problem = &snapshot.problem;
-    let recommended = snapshot.optima.recommended();
-    let Some(best) = recommended.and_then(|best| best.optimum.feasible()) else {
-        return Vec::new();
-    };
-    let values = problem.free_values(&best.design);
-    let places = problem.unit_point(&values);
-    let coordinates = problem.coordinates().iter().zip(values).zip(places);
-    coordinates
-        .filter(|((coordinate, _), place)| {
-            let is_continuous = coordinate.values.is_empty();
-            is_continuous && !(AT_BOUND..=1.0 - AT_BOUND).contains(place)
-        })
-        .map(|((coordinate, value), _)| {
-            let [low, high] = coordinate.range;
-            format!(
-                "The recommended design has {} = {}, at an end of its range from {low} to {high}: a wider range \
-                 may have a better design.",
-                variable_name(problem, &coordinate.name),
-                shortest(value, 0..=4)
-            )
-        })
-        .collect()
 }
 
 /// A note for each optimum whose teeth have no tip land left: no constraint of the paper asks for one, and

@@ -78,6 +78,7 @@ pub(crate) fn plausible() -> Report {
             wear: Some(wear()),
             illustrations: illustrations(),
             sheet,
+            doubts: Vec::new(),
             runs: runs(),
             doe,
         }),
