@@ -187,6 +187,8 @@ mod tests {
         let problem = Problem::new(campaign);
         let few = responses(&problem, points(3000), Some(7), false);
         assert_eq!((few.designs, few.points.len()), (3000, 3000));
+        let labels = few.coordinates.iter().map(|one| &*one.label);
+        assert!(labels.eq(["x₁", "x₂", "haP₀₁", "haP₀₂", "hfP₀₁", "hfP₀₂"]));
         let many = responses(&problem, points(6001), Some(5998), true);
         assert_eq!((many.designs, many.points.len()), (6001, POINTS + 1));
         assert!(many.points.iter().any(|point| point.design == 5998));
