@@ -71,7 +71,7 @@ pub struct Geometry {
     pub eps_alpha: f64,
     /// Overlap ratio ε_β.
     pub eps_beta: f64,
-    /// Total contact ratio r_c = ε_α + ε_β.
+    /// Total contact ratio ε_γ = ε_α + ε_β.
     pub contact_ratio: f64,
     /// Tip-to-root clearance of the pinion's tip and of the gear's tip; negative where it presses.
     pub clearance: [f64; 2],
@@ -94,7 +94,7 @@ pub struct Sliding {
     pub gear_root: f64,
     /// Gear at the start of contact.
     pub gear_tip: f64,
-    /// g_s, the largest magnitude of the four.
+    /// ζ, the largest magnitude of the four.
     pub max: f64,
 }
 

@@ -219,9 +219,9 @@ pub struct PairInput {
     pub face_width: [f64; 2],
     /// Profile shift (addendum modification) coefficients x, in normal modules.
     pub profile_shift: [f64; 2],
-    /// Addendum of the rack tool ha0, in normal modules. It cuts the gear's root.
+    /// Addendum of the rack tool haP₀, in normal modules. It cuts the gear's root.
     pub tool_addendum: [f64; 2],
-    /// Dedendum of the rack tool hf0, in normal modules. It forms the gear's tip.
+    /// Dedendum of the rack tool hfP₀, in normal modules. It forms the gear's tip.
     pub tool_dedendum: [f64; 2],
     /// Tip rounding radius ρa, mm, in the transverse section.
     pub tip_radius: [f64; 2],

@@ -169,7 +169,7 @@ impl UnloadedPair {
         &self.geometry
     }
 
-    /// Specific sliding at both ends of the path that undercut leaves; its `max` is the criterion g_s.
+    /// Specific sliding at both ends of the path that undercut leaves; its `max` is the criterion ζ.
     #[must_use]
     pub fn sliding(&self) -> Sliding {
         self.geometry.sliding()

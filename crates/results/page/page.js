@@ -29,8 +29,16 @@ const short = new Intl.NumberFormat("en-GB", { maximumSignificantDigits: 4 });
 function number(value) {
   if (value === null || value === undefined) return "–";
   const size = Math.abs(value);
-  const text = size !== 0 && (size < 1e-4 || size >= 1e9) ? value.toExponential(3) : short.format(value);
-  return text.replaceAll("-", "−");
+  if (size !== 0 && (size < 1e-4 || size >= 1e9)) {
+    const [digits, power] = value.toExponential(3).split("e");
+    return `${digits} × 10${superscript(power)}`.replaceAll("-", "−");
+  }
+  return short.format(value).replaceAll("-", "−");
+}
+
+// A power of ten in raised digits, as in ⁻⁵.
+function superscript(power) {
+  return [...power.replace("+", "")].map((one) => (one === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[one])).join("");
 }
 
 function withUnit(value, unit) {
@@ -228,7 +236,7 @@ function showBest(view) {
   say(at("best-value"), `${view.measure} of ${view.response} = ${withUnit(best.value, view.unit)}` +
     ` (${best.low === null ? "no 95 % interval" : `95 % interval ${number(best.low)} to ${withUnit(best.high, view.unit)}`}, ` +
     `${whole.format(best.samples)} samples): ${best.name}.`);
-  fill(at("variables"), best.variables.map((one, place) => [[one.name, "", "row"], [best.variable_texts[place]]]));
+  fill(at("variables"), best.variables.map((one, place) => [[best.variable_labels[place], "", "row"], [best.variable_texts[place]]]));
   at("constraints-box").hidden = best.constraints.length === 0;
   fill(at("constraints"), best.constraints.map((one, place) => {
     const [value, limit, margin] = best.constraint_texts[place];
@@ -255,7 +263,7 @@ function showMap(view) {
       (view.preliminary ? " Preliminary: of each design’s first samples." : ""));
   at("axes").hidden = view.coordinates.length < 2 || view.designs === 0;
   if (at("axis-x").options.length !== view.coordinates.length) {
-    const names = view.coordinates.map((one) => (one.unit ? `${one.name} (${one.unit})` : one.name));
+    const names = view.coordinates.map((one) => one.label);
     [at("axis-x"), at("axis-y")].forEach((select, place) => {
       select.replaceChildren(...names.map((name, index) => element("option", name, { value: index })));
       select.selectedIndex = Math.min(place, names.length - 1);

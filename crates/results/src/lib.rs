@@ -6,7 +6,8 @@
 //! - [`export`] writes the store's tables as [`table`]s of CSV, JSON or Parquet, [`model`] is its kriging model, and
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`report`] is the report with its charts; [`comparison`] puts the paper's figures beside ours.
-//! - [`sheet`] is the data sheet of a gear pair, with reasons to doubt the pair.
+//! - [`sheet`] is the data sheet of a gear pair.
+//! - [`doubts`] has the reasons to doubt a pair, a recommended design and what a store holds.
 //! - [`number`] shows numbers to people.
 //! - [`live`] is the live page, and [`descriptors`] what connections leave to files.
 //! - [`snapshot`] has the rows of a campaign, and [`optima`] its optima, verified and ranked.
@@ -18,7 +19,7 @@ pub mod comparison;
 pub mod costs;
 pub mod describing;
 pub mod descriptors;
-mod doubts;
+pub mod doubts;
 pub mod estimate;
 pub mod export;
 mod finer_grid;

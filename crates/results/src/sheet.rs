@@ -9,11 +9,9 @@ use serde_json::{Map, Value};
 
 use crate::number;
 
-mod doubts;
 mod mesh;
 mod unloaded;
 
-pub use doubts::{Loaded, doubts};
 pub(crate) use mesh::amplitude;
 pub use mesh::{stiffness, transmission_error};
 pub use unloaded::{of_design, sections};

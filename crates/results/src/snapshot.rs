@@ -78,7 +78,7 @@ impl Snapshot {
             None => None,
         };
         let optima = Optima::read(store, &problem).await?;
-        let mut doubts = doubts::of(store, &problem).await?;
+        let mut doubts = doubts::campaign::of(store, &problem).await?;
         doubts.extend(optima.doubts(&problem));
         Ok(Self {
             campaign: store.campaign().await?,

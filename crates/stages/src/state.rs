@@ -92,7 +92,7 @@ pub struct Progress {
 impl State {
     /// The values of the variables that the DoE does not move, once they are known.
     ///
-    /// If approach 1 found no feasible design, there is nothing to freeze, and the printed values
+    /// If the approach without wear found no feasible design, there is nothing to freeze, and the printed values
     /// serve.
     #[must_use]
     pub fn base(&self, problem: &Problem) -> Option<Design> {

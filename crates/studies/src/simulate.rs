@@ -5,7 +5,8 @@ use gear::{Analysis, Discretisation, Geometry, Pair, Sliding, inspection, rating
 use problem::PairFile;
 use problem::formulation::Constraint;
 use problem::formulation::gears::{self, GearCriteria};
-use results::sheet::{self, Loaded, Section};
+use results::doubts::pair::{self as doubts, Loaded};
+use results::sheet::{self, Section};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
 
@@ -243,13 +244,9 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         WearChoice::Archard | WearChoice::Random => Some(pair.archard(&file.wear).analysis),
     };
     let unworn = pair.unworn();
-    let loaded = Loaded {
-        delta_ste_um: unworn.delta_ste_um,
-        worn_um: worn.as_ref().map(|worn| worn.delta_ste_um),
-        pressure_mpa: unworn.hertz_pressure_mpa,
-    };
     let mut warnings = file.warnings();
-    warnings.extend(sheet::doubts(&pair, &loaded));
+    let loaded = Loaded::new(&unworn, worn.as_ref());
+    warnings.extend(doubts::of(&pair, &loaded));
     let figures = figures(&pair, file, request, unworn, worn)?;
     let strength = file.material.strength(file.strength);
     let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&file.strength));

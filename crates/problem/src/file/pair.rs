@@ -62,9 +62,9 @@ pub struct PairSection {
     pub profile_shift: [f64; 2],
     /// A standard rack for both gears, instead of tool addendum, tool dedendum and root radius.
     pub rack: Option<gear::Rack>,
-    /// Tool addendum ha0, in modules. It cuts the root.
+    /// Tool addendum haP₀, in modules. It cuts the root.
     pub tool_addendum: Option<[f64; 2]>,
-    /// Tool dedendum hf0, in modules. It forms the tip.
+    /// Tool dedendum hfP₀, in modules. It forms the tip.
     pub tool_dedendum: Option<[f64; 2]>,
     /// Tip rounding radius ρa, mm.
     pub tip_radius_mm: [f64; 2],

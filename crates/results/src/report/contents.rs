@@ -14,6 +14,7 @@ use super::model::{self, ScatterShare, Slice, VariableIndices};
 use super::printed::PaperFigures;
 use super::runs::{self, OptimiserRun};
 use super::wear::{self, WearProfiles};
+use crate::doubts;
 use crate::sheet::{self, Section};
 use crate::snapshot::Snapshot;
 use crate::status;
@@ -53,6 +54,8 @@ pub struct GearFigures {
     pub illustrations: BTreeMap<Approach, Illustration>,
     /// The data sheet of the recommended design; empty without one.
     pub sheet: Vec<Section>,
+    /// Reasons to doubt the recommended pair, by its own results.
+    pub doubts: Vec<String>,
     /// The runs of the approaches that have an optimiser.
     pub runs: BTreeMap<Approach, Vec<OptimiserRun>>,
 }
@@ -84,6 +87,9 @@ impl Report {
                     illustrations: drawing::illustrations(&snapshot),
                     sheet: best.map_or_else(Vec::new, |best| {
                         sheet::of_design(&snapshot.problem, &best.design)
+                    }),
+                    doubts: best.map_or_else(Vec::new, |best| {
+                        doubts::pair::of_design(&snapshot.problem, &best.design)
                     }),
                     runs: runs::finished(&snapshot)?,
                 }),

@@ -1,6 +1,7 @@
 //! Drawings and curves of a pair of gears, by the built-in model.
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 use gear::Member;
 use gear::inspection::{active_path, form_radii};
@@ -13,6 +14,9 @@ use crate::snapshot::Snapshot;
 
 /// Points on each flank of a drawn gear.
 const OUTLINE_POINTS: usize = 24;
+
+/// Depth of a magnified tip relief, in modules.
+const RELIEF_DEPTH: f64 = 0.15;
 
 /// Parts of a flank along the path of contact and across the face in the contact pattern.
 const PATTERN_PARTS: [usize; 2] = [90, 60];
@@ -46,6 +50,17 @@ pub struct GearDrawing {
     /// Rotation of the far end of the face against the near one, for pinion and mate, radians anticlockwise;
     /// zero for spur gears.
     pub twist_rad: [f64; 2],
+    /// The flanks with their tip relief, magnified; `None` without any.
+    pub relief: Option<MagnifiedRelief>,
+}
+
+/// Flanks with a tip relief that would be too small to see at the scale of the gears.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MagnifiedRelief {
+    /// By how much the depth is magnified.
+    pub factor: f64,
+    /// The relieved parts of the flanks of pinion and mate, in the frame of the drawing.
+    pub flanks: [Vec<Vec<[f64; 2]>>; 2],
 }
 
 /// One gear's outline.
@@ -192,7 +207,45 @@ pub fn drawing(pair: &gear::Pair) -> GearDrawing {
         face_width_mm: geometry.face_width,
         // Helices of opposite hands.
         twist_rad: [turn / geometry.r[0], -turn / geometry.r[1]],
+        relief: magnified_relief(pair),
     }
+}
+
+/// The relieved flanks of all teeth, magnified by a round factor so that the greatest relief is about a seventh of a module deep.
+fn magnified_relief(pair: &gear::Pair) -> Option<MagnifiedRelief> {
+    let amounts = pair.corrections().tip_relief.into_iter().flatten();
+    let amount = amounts.map(|relief| relief.amount).fold(0.0, f64::max);
+    let wanted = RELIEF_DEPTH * pair.geometry().normal_module / amount;
+    let factor = [200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0]
+        .into_iter()
+        .find(|factor| amount > 0.0 && *factor <= wanted)?;
+    let placements = gear::mesh_placement(pair, 0.0);
+    let flanks = Member::BOTH.map(|member| {
+        let profile = gear::tooth_profile(pair, member, OUTLINE_POINTS);
+        let relieved = profile.chunk_by(|a, b| (a.depth > 0.0) == (b.depth > 0.0));
+        let relieved = relieved.filter(|part| part[0].depth > 0.0);
+        let flanks: Vec<Vec<[f64; 2]>> = relieved
+            .map(|part| {
+                let magnified = |point: &gear::ProfilePoint| {
+                    [0, 1]
+                        .map(|k| point.nominal[k] + factor * (point.modified[k] - point.nominal[k]))
+                };
+                part.iter().map(magnified).collect()
+            })
+            .collect();
+        let teeth = pair.geometry().teeth[member.index()];
+        let turns = (0..teeth).map(|k| TAU * f64::from(k) / f64::from(teeth));
+        let placed = turns.flat_map(|turn| {
+            let (sin, cos) = turn.sin_cos();
+            let place = move |[x, y]: [f64; 2]| {
+                placements[member.index()].apply([x * cos - y * sin, x * sin + y * cos])
+            };
+            let place_all = move |flank: &Vec<[f64; 2]>| flank.iter().copied().map(place).collect();
+            flanks.iter().map(place_all).collect::<Vec<_>>()
+        });
+        placed.collect()
+    });
+    Some(MagnifiedRelief { factor, flanks })
 }
 
 /// The ends of the path of contact, in the frame of [`gear::mesh_placement`]: pinion axis at the

@@ -116,15 +116,25 @@ pub(super) fn left_out(problem: &Problem) -> String {
     let Some(sections) = campaign.gears() else {
         return String::new();
     };
-    let manufacture = match sections.manufacture {
-        Some(_) => "pitch and form deviations",
-        None => "deviations of manufacture",
-    };
     if campaign.is_external() {
         return String::new();
     }
+    let is_misaligned =
+        |one: problem::file::Manufacture| one.misalignment_um.is_some_and(|um| um > 0.0);
+    let mut effects = vec![match sections.manufacture {
+        Some(_) => "pitch and form deviations",
+        None => "deviations of manufacture",
+    }];
+    effects.extend(["dynamics", "friction"]);
+    if !sections.manufacture.is_some_and(is_misaligned) {
+        effects.push("misalignment");
+    }
+    effects.push(match sections.pair.tooth_model {
+        gear::ToothModel::Coupled => "rims and webs",
+        _ => "the coupling of neighbouring teeth, the deflection of gear bodies",
+    });
     format!(
-        "{manufacture}, dynamics, friction, misalignment, and the deflection of shafts, bearings and \
-         gear bodies."
+        "{}, and the deflection of shafts and bearings.",
+        effects.join(", ")
     )
 }

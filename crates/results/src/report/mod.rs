@@ -43,8 +43,8 @@ pub use contents::{GearFigures, Report};
 pub(crate) use doe::statistics;
 pub use doe::{DoePoint, Response};
 pub use drawing::{
-    ContactPattern, FlankProfile, GearDrawing, GearOutline, Illustration, PressureCurves,
-    SteCurves, TorqueCurves, contact, drawing, profiles, ste,
+    ContactPattern, FlankProfile, GearDrawing, GearOutline, Illustration, MagnifiedRelief,
+    PressureCurves, SteCurves, TorqueCurves, contact, drawing, profiles, ste,
 };
 pub use enrichment::{Enrichment, EnrichmentRound, rounds};
 pub use error::Error;

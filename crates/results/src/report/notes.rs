@@ -3,8 +3,7 @@
 use problem::Approach;
 use stages::names;
 
-use crate::number::shortest;
-use crate::report::quantity::{approach_name, variable_name};
+use crate::report::quantity::approach_name;
 use crate::snapshot::Snapshot;
 
 /// The notes of a campaign, a sentence or more each.
@@ -20,7 +19,6 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
         );
     }
     notes.extend(snapshot.doubts.clone());
-    notes.extend(at_bounds(snapshot));
     if !campaign.is_external() {
         notes.extend(pointed_tips(snapshot));
     }
@@ -70,46 +68,14 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
          pressure on flanks with Archard’s wear.",
         approach_name(&snapshot.problem, Approach::Nominal)
     ));
-    notes.push(if campaign.is_external() {
-        "An external program simulated the designs. What only the built-in model knows is left \
-         out: drawings of the optima, their transmission error curves and profiles of worn flanks."
-            .to_owned()
-    } else {
-        "The model leaves out dynamics, friction, misalignment, pitch errors and the elastic \
-         coupling of neighbouring slices; its compliance has no gear body."
-            .to_owned()
-    });
+    if campaign.is_external() {
+        notes.push(
+            "An external program simulated the designs. What only the built-in model knows is left \
+             out: drawings of the optima, their transmission error curves and profiles of worn flanks."
+                .to_owned(),
+        );
+    }
     notes
-}
-
-/// The distance from a bound, relative to the range, within which a value is at it.
-const AT_BOUND: f64 = 1e-3;
-
-/// A note for each continuous variable that the recommended design has at a bound.
-fn at_bounds(snapshot: &Snapshot) -> Vec<String> {
-    let problem = &snapshot.problem;
-    let recommended = snapshot.optima.recommended();
-    let Some(best) = recommended.and_then(|best| best.optimum.feasible()) else {
-        return Vec::new();
-    };
-    let values = problem.free_values(&best.design);
-    let places = problem.unit_point(&values);
-    let coordinates = problem.coordinates().iter().zip(values).zip(places);
-    coordinates
-        .filter(|((coordinate, _), place)| {
-            let is_continuous = coordinate.values.is_empty();
-            is_continuous && !(AT_BOUND..=1.0 - AT_BOUND).contains(place)
-        })
-        .map(|((coordinate, value), _)| {
-            let [low, high] = coordinate.range;
-            format!(
-                "The recommended design has {} = {}, at an end of its range from {low} to {high}: a wider range \
-                 may have a better design.",
-                variable_name(problem, &coordinate.name),
-                shortest(value, 0..=4)
-            )
-        })
-        .collect()
 }
 
 /// A note for each optimum whose teeth have no tip land left: no constraint of the paper asks for one, and

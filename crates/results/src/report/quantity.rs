@@ -123,3 +123,11 @@ pub fn variables(problem: &Problem, design: &Design) -> Vec<NamedValue> {
         })
         .collect()
 }
+
+/// The text with its first letter in upper case.
+pub(crate) fn capitalised(text: &str) -> String {
+    let mut chars = text.chars();
+    chars.next().map_or_else(String::new, |first| {
+        first.to_uppercase().chain(chars).collect()
+    })
+}

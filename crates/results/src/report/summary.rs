@@ -6,7 +6,8 @@ use stats::{IntervalEstimate, Samples};
 
 use super::contents::Report;
 use super::head;
-use super::quantity::{approach_name, limits, response_name, values, variables};
+use super::quantity::{approach_name, capitalised, limits, response_name, values, variables};
+use crate::doubts;
 use crate::number::{count, digits_of, estimate, interval, percent, seconds, with_unit};
 use crate::optima::{VerifiedLimit, VerifiedOptimum, is_ranked};
 
@@ -25,6 +26,8 @@ pub(crate) struct RecommendedView {
     pub(crate) variables: Vec<(String, String)>,
     /// Quantity, margin, value, limit.
     pub(crate) margins: Vec<[String; 4]>,
+    /// Reasons to doubt it, a sentence each.
+    pub(crate) doubts: Vec<String>,
     /// The differences of the other approaches, and the cost.
     pub(crate) sentences: Vec<String>,
     /// Effects that its measure leaves out.
@@ -73,10 +76,19 @@ impl RecommendedView {
             margins: margins(&best.constraints)
                 .chain(best.limits.iter().map(limit))
                 .collect(),
+            doubts: doubts(report),
             sentences: sentences.into_iter().filter(|s| !s.is_empty()).collect(),
             left_out: head::left_out(problem),
         }
     }
+}
+
+/// The doubts about the recommended design: those that the campaign's rows show, and those of its pair of gears.
+fn doubts(report: &Report) -> Vec<String> {
+    let of_pair = report.gears.iter().flat_map(|gears| &gears.doubts);
+    let of_pair = of_pair.map(|doubt| format!("{}.", capitalised(doubt)));
+    let of_rows = doubts::recommended::of(&report.snapshot);
+    of_rows.into_iter().chain(of_pair).collect()
 }
 
 /// Quantity, margin, value and limit of each constraint.

@@ -13,12 +13,14 @@ struct Symbol {
     unit: &'static str,
 }
 
-/// Number of variables in [`SYMBOLS`].
+/// Number of variables in the paper.
 const VARIABLES: usize = 11;
+/// Number of further variables: the corrections of the flanks.
+const CORRECTIONS: usize = 6;
 
-/// The variables in the order of Equation (1), then what is computed.
+/// The variables in the order of Equation (1), the corrections, then what is computed.
 #[rustfmt::skip]
-const SYMBOLS: [Symbol; VARIABLES + 6] = [
+const SYMBOLS: [Symbol; VARIABLES + CORRECTIONS + 6] = [
     of("x_p", ["x", "1"], ["x", "p"], "profile shift coefficient of the pinion", ""),
     of("x_r", ["x", "2"], ["x", "r"], "profile shift coefficient of the mate", ""),
     of("ha0_p", ["haP", "01"], ["ha", "0p"], "addendum of the pinion’s tool, which cuts the root", "modules"),
@@ -30,6 +32,12 @@ const SYMBOLS: [Symbol; VARIABLES + 6] = [
     of("rho_f_p_mm", ["ρf", "1"], ["ρf", "p"], "radius of the pinion’s root fillet", "mm"),
     of("rho_f_r_mm", ["ρf", "2"], ["ρf", "r"], "radius of the mate’s root fillet", "mm"),
     of("beta_deg", ["β", ""], ["β", "0"], "helix angle at the reference cylinder", "°"),
+    of("tip_relief_p_um", ["Cαa", "1"], NONE, "tip relief of the pinion, normal to the flank", "µm"),
+    of("tip_relief_r_um", ["Cαa", "2"], NONE, "tip relief of the mate, normal to the flank", "µm"),
+    of("tip_relief_length_p_mm", ["LCαa", "1"], NONE, "length of the pinion’s tip relief along the path of contact", "mm"),
+    of("tip_relief_length_r_mm", ["LCαa", "2"], NONE, "length of the mate’s tip relief along the path of contact", "mm"),
+    of("crowning_um", ["C", "β"], NONE, "crowning of both flanks together, at the ends of the face", "µm"),
+    of("helix_slope_um", ["C", "Hβ"], NONE, "helix slope of both flanks together, over the face", "µm"),
     of("contact_ratio", ["ε", "γ"], ["r", "c"], "total contact ratio: how many teeth are in contact on average", ""),
     of("specific_sliding", ["ζ", ""], ["g", "s"], "greatest specific sliding", ""),
     of("root_stress_mpa", ["σ", "vm"], ["σ", "vm"], "greatest stress at the tooth roots", "MPa"),
@@ -37,6 +45,9 @@ const SYMBOLS: [Symbol; VARIABLES + 6] = [
     of("", ["STE", ""], ["STE", ""], "static transmission error, along the line of action", "µm"),
     of("delta_ste_um", ["ΔSTE", ""], ["ΔSTE", ""], "peak-to-peak value of the STE over a mesh period", "µm"),
 ];
+
+/// The paper has no corrections.
+const NONE: [&str; 2] = ["–", ""];
 
 const fn of(
     column: &'static str,
@@ -58,12 +69,13 @@ const fn of(
 /// `column` is its name in exported tables. Other names stay as they are.
 #[must_use]
 pub fn symbol(column: &str) -> String {
-    let known = SYMBOLS[..VARIABLES].iter().find(|one| one.column == column);
+    let variables = &SYMBOLS[..VARIABLES + CORRECTIONS];
+    let known = variables.iter().find(|one| one.column == column);
     let Some(known) = known else {
         return column.to_owned();
     };
     match known.unit {
-        "mm" | "°" => format!("{} ({})", text(known.here), known.unit),
+        "mm" | "µm" | "°" => format!("{} ({})", text(known.here), known.unit),
         _ => text(known.here),
     }
 }
@@ -137,6 +149,8 @@ mod tests {
         assert_eq!(symbol("x_p"), "x₁");
         assert_eq!(symbol("ha0_r"), "haP₀₂");
         assert_eq!(symbol("rho_f_p_mm"), "ρf₁ (mm)");
+        assert_eq!(symbol("tip_relief_length_r_mm"), "LCαa₂ (mm)");
+        assert_eq!(symbol("helix_slope_um"), "C_Hβ (µm)");
         assert_eq!(symbol("hertz_pressure_mpa"), "hertz_pressure_mpa");
         let mut values = [0.5; VARIABLES];
         values[0] = -0.028;

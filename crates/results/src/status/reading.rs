@@ -46,7 +46,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyh
     let stage = stage.and_then(|name| Stage::named(&name));
     // No coordinator has seen the campaign yet.
     let stage = stage.unwrap_or(Stage::Doe);
-    let mut warnings = doubts::of(store, problem).await?;
+    let mut warnings = doubts::campaign::of(store, problem).await?;
     warnings.extend(found.doubts(problem));
     if stage == Stage::Done {
         let open = store

@@ -23,7 +23,7 @@ fn enriched() -> Campaign {
     campaign
 }
 
-/// A campaign whose DoE is sampled with the values that its approach 1 finds.
+/// A campaign whose DoE is sampled with the values that its approach `nominal` finds.
 fn own_base() -> Campaign {
     let mut campaign = enriched();
     let frozen = &mut campaign.gears_mut().unwrap().frozen;

@@ -85,11 +85,11 @@ const MAX_DELTA_STE_UM: f64 = 1e6;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GearCriteria {
-    /// r_c = ε_α + ε_β.
+    /// ε_γ = ε_α + ε_β.
     pub contact_ratio: f64,
-    /// g_s, the largest absolute specific sliding.
+    /// ζ, the largest absolute specific sliding.
     pub specific_sliding: f64,
-    /// F, the largest contact pressure, MPa.
+    /// p_H, the largest contact pressure, MPa.
     pub hertz_pressure_mpa: f64,
     /// σ_vm, the larger of the two root stresses, MPa.
     pub root_stress_mpa: f64,

@@ -46,6 +46,8 @@ pub struct BestDesign {
     /// Number of samples behind the measure.
     pub samples: u64,
     pub variables: Vec<NamedValue>,
+    /// The variables' names as pages show them.
+    pub variable_labels: Vec<String>,
     /// The variables' values as pages show them.
     pub variable_texts: Vec<String>,
     pub constraints: Vec<Constraint>,
@@ -111,8 +113,8 @@ pub fn best(
 #[must_use]
 pub fn of_optimum(problem: &Problem, verified: &VerifiedOptimum) -> Option<BestDesign> {
     let found = verified.optimum.feasible()?;
-    let approach = problem.approach_name(verified.optimum.approach);
-    let name = format!("optimum of the approach {approach}");
+    let approach = report::approach_name(problem, verified.optimum.approach);
+    let name = format!("optimum of the approach “{approach}”");
     let constraints = verified.constraints.iter().cloned();
     let of_samples = verified.limits.iter().map(VerifiedLimit::constraint);
     let constraints: Vec<Constraint> = constraints.chain(of_samples).collect();
@@ -138,6 +140,7 @@ fn of_design(
             value: *value,
         })
         .collect();
+    let shown = report::variables(problem, &found.design);
     let constraints = problem.constraints(&found.criteria);
     let (low, high) = measure.interval.unwrap_or((f64::NAN, f64::NAN));
     BestDesign {
@@ -147,7 +150,8 @@ fn of_design(
         low,
         high,
         samples: measure.n as u64,
-        variable_texts: values(&report::variables(problem, &found.design)),
+        variable_texts: values(&shown),
+        variable_labels: shown.into_iter().map(|one| one.name).collect(),
         variables,
         constraint_texts: limits(&constraints),
         constraints,

@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::report::{OptimiserRun, charts};
+use crate::report::{OptimiserRun, approach_name, charts};
+use problem::Approach;
 use problem::formulation::Problem;
 use serde::Serialize;
 
@@ -30,7 +31,7 @@ pub struct ApproachRuns {
 #[must_use]
 pub fn convergence(
     problem: &Problem,
-    runs: BTreeMap<(problem::Approach, u32), OptimiserRun>,
+    runs: BTreeMap<(Approach, u32), OptimiserRun>,
 ) -> Convergence {
     let mut by_approach: BTreeMap<_, Vec<_>> = BTreeMap::new();
     for ((approach, _), run) in runs {
@@ -41,12 +42,12 @@ pub fn convergence(
         with_runs.filter_map(|approach| Some((approach, by_approach.remove(&approach)?)));
     Convergence {
         approaches: with_runs
-            .map(|(approach, runs)| of_approach(problem.approach_name(approach), runs))
+            .map(|(approach, runs)| of_approach(problem, approach, runs))
             .collect(),
     }
 }
 
-fn of_approach(name: &str, runs: Vec<OptimiserRun>) -> ApproachRuns {
+fn of_approach(problem: &Problem, approach: Approach, runs: Vec<OptimiserRun>) -> ApproachRuns {
     let rows = runs.iter().map(|run| {
         let (evaluations, value) = run.history.last().copied().unwrap_or((0, f64::NAN));
         vec![
@@ -63,12 +64,12 @@ fn of_approach(name: &str, runs: Vec<OptimiserRun>) -> ApproachRuns {
         "state",
     ];
     let chart = Chart::new(
-        charts::convergence(&format!("Approach {name}"), &runs),
+        charts::convergence(approach_name(problem, approach), &runs),
         &columns,
         rows.collect(),
     );
     ApproachRuns {
-        name: name.to_owned(),
+        name: problem.approach_name(approach).to_owned(),
         chart,
         runs,
     }

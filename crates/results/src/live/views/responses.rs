@@ -7,7 +7,7 @@ use super::Chart;
 use super::chart::rows_of;
 use crate::number::{column, rounded};
 use crate::report::charts::{self, ResponseMap};
-use crate::report::{label, response_name};
+use crate::report::{label, response_name, variable_name};
 
 /// Maximum number of points: more would not be visible in a chart, and every page would have to
 /// load them.
@@ -43,6 +43,8 @@ pub struct Responses {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Coordinate {
     pub name: String,
+    /// The name as pages show it, with the unit.
+    pub label: String,
     /// The unit, if the name does not contain it; empty for a number without one.
     pub unit: String,
     /// The interval, as `[low, high]`.
@@ -80,6 +82,7 @@ pub fn responses(
         });
     let coordinates = problem.coordinates().iter().map(|coordinate| Coordinate {
         name: coordinate.name.to_string(),
+        label: label(&variable_name(problem, &coordinate.name), &coordinate.unit),
         unit: coordinate.unit.to_string(),
         range: coordinate.range,
     });
@@ -118,7 +121,7 @@ pub struct Map {
 pub fn map(responses: &Responses, x: usize, y: usize) -> Option<Map> {
     let axis = |place: usize| {
         let coordinate = responses.coordinates.get(place)?;
-        Some(label(&coordinate.name, &coordinate.unit))
+        Some(coordinate.label.clone())
     };
     let labels = [axis(x)?, axis(y)?];
     let of_response = format!("{} of {}", responses.measure, responses.response);
@@ -184,6 +187,8 @@ mod tests {
         let problem = Problem::new(campaign);
         let few = responses(&problem, points(3000), Some(7), false);
         assert_eq!((few.designs, few.points.len()), (3000, 3000));
+        let labels = few.coordinates.iter().map(|one| &*one.label);
+        assert!(labels.eq(["x₁", "x₂", "haP₀₁", "haP₀₂", "hfP₀₁", "hfP₀₂"]));
         let many = responses(&problem, points(6001), Some(5998), true);
         assert_eq!((many.designs, many.points.len()), (6001, POINTS + 1));
         assert!(many.points.iter().any(|point| point.design == 5998));

@@ -12,6 +12,7 @@ use crate::report::svg::{
 const HALF_WIDTH: f64 = 0.17;
 const TOP: f64 = 62.0;
 const MARGIN: f64 = 10.0;
+const RELIEF_DASH: &str = "3 2";
 
 /// The gears in mesh around the pitch point, to scale.
 ///
@@ -85,13 +86,24 @@ pub fn gears(drawing: &GearDrawing) -> Result<Picture, Error> {
     for (i, outline) in outlines.iter().enumerate() {
         canvas.lines(outline, &format!("curve s{i}"), "");
     }
+    let relief = drawing.relief.as_ref();
+    for (i, flanks) in relief
+        .iter()
+        .flat_map(|relief| relief.flanks.iter().enumerate())
+    {
+        let pieces: Vec<_> = flanks.iter().flat_map(|flank| cut(flank)).collect();
+        canvas.lines(&pieces, &format!("curve s{i}"), RELIEF_DASH);
+    }
     canvas.lines(&path, "curve s3", "");
     canvas.rect(low, high, "frame");
 
     canvas.heading([MARGIN, MARGIN + 9.0], "Gears in mesh, transverse section");
+    let relief = relief.map_or(1.0, |relief| relief.factor);
+    let magnified = format!("tip relief × {relief}");
     let entries = [
         ("pinion", "curve s0", "", !outlines[0].is_empty()),
         ("mate", "curve s1", "", !outlines[1].is_empty()),
+        (&*magnified, "curve s0", RELIEF_DASH, relief > 1.0),
         ("path of contact", "curve s3", "", !path.is_empty()),
         ("pitch circles", "thin s2", "10 3 2 3", !pitch.is_empty()),
         ("base circles", "thin s4", "3 3", !base.is_empty()),

@@ -126,6 +126,11 @@ mod tests {
         // Each halo once in the chart and once in the legend.
         assert_eq!(svg.matches("class=\"halo s1\"").count(), 2);
         assert_eq!(svg.matches("class=\"halo s3\"").count(), 2);
+        // A title wider than the chart goes on in a second line.
+        assert_eq!(svg.matches("class=\"ttl\"").count(), 1);
+        chart.title = "whole-face-beam: error with random wear over CPU time a sample".to_owned();
+        let wrapped = tradeoff(&chart).unwrap().standalone();
+        assert_eq!(wrapped.matches("class=\"ttl\"").count(), 2);
         chart.recommended = None;
         let svg = tradeoff(&chart).unwrap().standalone();
         assert!(!svg.contains("recommended"));

@@ -14,7 +14,7 @@ use crate::report::drawing::Illustration;
 use crate::report::error::Error;
 use crate::report::paper;
 use crate::report::printed::PrintedDesign;
-use crate::report::quantity::{approach_name, criterion_name};
+use crate::report::quantity::{approach_name, capitalised, criterion_name};
 use crate::report::svg::Picture;
 use crate::report::symbols;
 use crate::sheet::Section;
@@ -184,12 +184,4 @@ fn caption(design: &paper::PrintedDesign) -> String {
         design.criterion,
         fixed(design.criterion_um, 2),
     )
-}
-
-/// The text with its first letter in upper case.
-fn capitalised(text: &str) -> String {
-    let mut chars = text.chars();
-    chars.next().map_or_else(String::new, |first| {
-        first.to_uppercase().chain(chars).collect()
-    })
 }

@@ -161,6 +161,8 @@ const PALETTE: usize = 6;
 pub(crate) const SHADES: usize = 24;
 const MARGIN: f64 = 10.0;
 const LINE: f64 = 17.0;
+/// Width of the letters of a title over that of other text.
+const BOLD: f64 = 1.17;
 /// Share of a range by which an axis is longer at each end, so that no mark lies on the frame.
 const ROOM: f64 = 0.04;
 /// Width of a series' sample in the legend, px.
@@ -182,8 +184,8 @@ impl Chart {
         let [width, height] = self.size;
 
         let mut canvas = Canvas::new();
-        canvas.heading([MARGIN, MARGIN + 9.0], &self.title);
-        let top = legend(&mut canvas, &shown, width) + 14.0;
+        let below = heading(&mut canvas, &self.title, width);
+        let top = legend(&mut canvas, &shown, [MARGIN, below], width) + 14.0;
         let bottom = height - MARGIN - 2.0 * LINE - 2.0;
         let y_ticks = self.y.ticks(y, bottom - top, |_| 12.0);
         let widest = y_ticks.iter().map(|t| text_width(&t.1)).fold(0.0, f64::max);
@@ -290,9 +292,27 @@ fn shown<'a>(series: &'a Series, rulers: &[Ruler; 2]) -> Option<Shown<'a>> {
     (!is_empty).then_some(Shown { series, parts })
 }
 
-/// Draws the legend in as many rows as it needs and returns the y of its lower edge.
-fn legend(canvas: &mut Canvas, shown: &[Shown<'_>], width: f64) -> f64 {
-    let mut at = [MARGIN, MARGIN + 9.0 + LINE];
+/// Draws the title in as many lines as it needs and returns the y of the next line.
+fn heading(canvas: &mut Canvas, title: &str, width: f64) -> f64 {
+    let most = (width - 2.0 * MARGIN) / BOLD;
+    let mut at = [MARGIN, MARGIN + 9.0];
+    let mut line = String::new();
+    for word in title.split(' ') {
+        let longer = format!("{line} {word}").trim_start().to_owned();
+        if !line.is_empty() && text_width(&longer) > most {
+            canvas.heading(at, &line);
+            at[1] += LINE;
+            line = word.to_owned();
+        } else {
+            line = longer;
+        }
+    }
+    canvas.heading(at, &line);
+    at[1] + LINE
+}
+
+/// Draws the legend from the baseline `at` in as many rows as it needs and returns the y of its lower edge.
+fn legend(canvas: &mut Canvas, shown: &[Shown<'_>], mut at: [f64; 2], width: f64) -> f64 {
     let mut any = false;
     let is_cells = |one: &Shown| one.series.mark == Mark::Cells;
     for group in shown.chunk_by(|a, b| is_cells(a) && is_cells(b)) {

@@ -231,6 +231,7 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
         line_of_action: None,
         face_width_mm: 10.0,
         twist_rad: [0.0; 2],
+        relief: None,
     };
     let svg = charts::gears(&drawing).unwrap().standalone();
     check_picture(&svg);
@@ -248,6 +249,37 @@ fn gears_are_drawn_to_one_scale_in_both_directions() {
     assert_eq!(element_count(&svg, "svg"), 1);
 }
 
+/// At true scale a relief of some µm is thinner than a line.
+#[test]
+fn a_tip_relief_is_drawn_magnified_and_says_so() {
+    let of_relief = |amount_um: f64| {
+        let relief = gear::TipRelief {
+            amount: 1e-3 * amount_um,
+            length: 2.0,
+            shape: gear::ReliefShape::Linear,
+        };
+        let corrections =
+            gear::Corrections::default().with_tip_relief(gear::Member::Pinion, relief);
+        let campaign = problem::Campaign::parse("paper.toml", problem::Campaign::PAPER).unwrap();
+        let settings = campaign.gears().unwrap();
+        let design = problem::Design::new(paper::PRINTED[0].variables.to_vec());
+        let file = problem::PairFile::of_design(settings, &design);
+        let grid = gear::Discretisation::of(file.pair.tooth_model);
+        let pair = gear::Pair::with_corrections(&file.to_gear(), &corrections, &grid).unwrap();
+        (drawing(&pair), pair)
+    };
+    let (drawn, pair) = of_relief(20.0);
+    let relief = drawn.relief.as_ref().unwrap();
+    let teeth = pair.geometry().teeth.map(|teeth| teeth as usize);
+    // Both flanks of every tooth of the pinion, and none of the mate.
+    assert_eq!(relief.flanks.each_ref().map(Vec::len), [2 * teeth[0], 0]);
+    let picture = charts::gears(&drawn).unwrap().standalone();
+    check_picture(&picture);
+    assert!(picture.contains(&format!("tip relief × {}", relief.factor)));
+    let none = charts::gears(&of_relief(0.0).0).unwrap().standalone();
+    assert!(!none.contains("tip relief"));
+}
+
 #[test]
 fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
     let gear = |x: f64, outline: Vec<[f64; 2]>| GearOutline {
@@ -262,6 +294,7 @@ fn gears_far_from_the_contact_or_without_outline_are_nothing_to_draw() {
         line_of_action: None,
         face_width_mm: 10.0,
         twist_rad: [0.0; 2],
+        relief: None,
     };
     assert!(matches!(
         charts::gears(&far),

@@ -78,6 +78,7 @@ pub(crate) fn plausible() -> Report {
             wear: Some(wear()),
             illustrations: illustrations(),
             sheet,
+            doubts: Vec::new(),
             runs: runs(),
             doe,
         }),
@@ -563,6 +564,7 @@ fn gears(variables: &[f64; 11]) -> GearDrawing {
         line_of_action: Some([[pitch - 9.0 * dx, -9.0 * dy], [pitch + 9.0 * dx, 9.0 * dy]]),
         face_width_mm: 10.0,
         twist_rad: [0.11, -0.1],
+        relief: None,
     }
 }
 

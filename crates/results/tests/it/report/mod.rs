@@ -328,6 +328,27 @@ fn a_variable_of_the_recommended_design_at_a_bound_is_noted() {
     assert!(page(all).contains(note));
 }
 
+/// Beside the recommended design, before the campaign's settings.
+#[test]
+fn doubts_about_the_recommended_design_stand_in_the_summary() {
+    let summary = |data: &Report| {
+        let text = markup::text(&render(data).unwrap().html);
+        text.split("What was put in").next().unwrap().to_owned()
+    };
+    let mut data = plausible();
+    assert!(!summary(&data).contains("Reasons to doubt it"));
+    gears(&mut data).doubts = vec!["the overlap ratio ε_β is 1.002".to_owned()];
+    model(&mut data).coverage90 = 0.85;
+    let summary = summary(&data);
+    for expected in [
+        "Reasons to doubt it The intervals of the kriging model are too narrow: 85.0 % of the observations",
+        "90.0 % intervals: kriging.calibrate = true widens them.",
+        "The overlap ratio ε_β is 1.002.",
+    ] {
+        assert!(summary.contains(expected), "{expected}: {summary}");
+    }
+}
+
 #[test]
 fn charts_of_a_design_name_it_and_say_what_they_show() {
     let page = render(&plausible()).unwrap().html;

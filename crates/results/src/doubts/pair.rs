@@ -1,7 +1,8 @@
-//! Reasons to doubt a pair that was simulated. [`PairFile::warnings`](problem::PairFile::warnings) owns those that the file
+//! Doubts about a pair that was simulated. [`PairFile::warnings`](problem::PairFile::warnings) owns those that the file
 //! alone shows.
 
-use gear::{Pair, Range, ToothModel};
+use gear::{Analysis, Pair, Range, ToothModel};
+use problem::formulation::{Design, Problem};
 
 use crate::number::significant;
 
@@ -27,9 +28,37 @@ pub struct Loaded {
     pub pressure_mpa: f64,
 }
 
-/// One sentence for each reason to doubt a pair, with the remedy.
+impl Loaded {
+    /// The results of these analyses of a pair, new and with the mean wear.
+    #[must_use]
+    pub fn new(new: &Analysis, worn: Option<&Analysis>) -> Self {
+        Self {
+            delta_ste_um: new.delta_ste_um,
+            worn_um: worn.map(|worn| worn.delta_ste_um),
+            pressure_mpa: new.hertz_pressure_mpa,
+        }
+    }
+}
+
+/// The doubts about a design of a gear campaign; none if an external program simulates it.
 #[must_use]
-pub fn doubts(pair: &Pair, loaded: &Loaded) -> Vec<String> {
+pub fn of_design(problem: &Problem, design: &Design) -> Vec<String> {
+    let built_in = !problem.campaign().is_external();
+    let Some(gears) = problem.gears().filter(|_| built_in) else {
+        return Vec::new();
+    };
+    gears.pair(design).map_or_else(
+        |_| Vec::new(),
+        |pair| {
+            let worn = pair.archard(gears.wear()).analysis;
+            of(&pair, &Loaded::new(&pair.unworn(), Some(&worn)))
+        },
+    )
+}
+
+/// The doubts about a pair.
+#[must_use]
+pub fn of(pair: &Pair, loaded: &Loaded) -> Vec<String> {
     let (g, input) = (pair.geometry(), pair.input());
     let mut doubts = Vec::new();
     if g.beta > 0.0 && g.eps_beta > 0.5 && (g.eps_beta - g.eps_beta.round()).abs() < WHOLE {
@@ -142,19 +171,19 @@ contact_limit_mpa = 1500.0
         pressure_mpa: 900.0,
     };
 
-    fn of(text: &str, loaded: &Loaded) -> Vec<String> {
+    fn found(text: &str, loaded: &Loaded) -> Vec<String> {
         let file = PairFile::parse("p.toml", text).unwrap();
         let grid = gear::Discretisation::of(file.pair.tooth_model);
         let pair = Pair::with_corrections(&file.to_gear(), &file.corrections(), &grid).unwrap();
-        doubts(&pair, loaded)
+        of(&pair, loaded)
     }
 
     #[test]
     fn each_doubt_names_what_is_strange_and_a_sound_pair_has_none() {
-        assert_eq!(of(PAIR, &LOADED), [""; 0]);
+        assert_eq!(found(PAIR, &LOADED), [""; 0]);
         let with = |from: &str, to: &str| {
             assert!(PAIR.contains(from), "{from}");
-            of(&PAIR.replace(from, to), &LOADED)
+            found(&PAIR.replace(from, to), &LOADED)
         };
         // ε_β = b sin β/(π m) is 1 at 18.371 mm.
         let long =
@@ -209,9 +238,28 @@ contact_limit_mpa = 1500.0
                 "louder when new: ΔSTE is 2.00 µm new and 1.50 µm",
             ),
         ] {
-            let found = of(PAIR, &loaded);
+            let found = found(PAIR, &loaded);
             assert_eq!(found.len(), 1, "{part}: {found:?}");
             assert!(found[0].contains(part), "{part}: {found:?}");
         }
+    }
+
+    /// The paper's start of an optimisation, at a thousandth of its torque.
+    #[test]
+    fn a_design_of_a_campaign_has_the_doubts_of_its_pair() {
+        let design = Design::new(gear::paper::printed::PRINTED[1].variables.to_vec());
+        let of_torque = |factor: f64| {
+            let mut campaign =
+                problem::Campaign::parse("c.toml", problem::Campaign::PAPER).unwrap();
+            let problem::file::Kind::Gears(sections) = &mut campaign.kind else {
+                panic!("the paper's campaign is of gears");
+            };
+            sections.load.pinion_torque_nm *= factor;
+            of_design(&Problem::new(campaign), &design)
+        };
+        let has_torque =
+            |doubts: &[String]| doubts.iter().any(|one| one.contains("pinion_torque_nm"));
+        assert!(!has_torque(&of_torque(1.0)));
+        assert!(has_torque(&of_torque(1e-3)));
     }
 }
