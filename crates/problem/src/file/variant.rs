@@ -167,7 +167,7 @@ mod tests {
         };
         let other = paper.with_size("paper.toml", [23, 25], dimensions).unwrap();
         let sections = other.gears().unwrap();
-        assert_eq!(sections.pair.face_width_mm, 17.0);
+        assert_eq!(sections.pair.face_width_mm.each(), [17.0; 2]);
         let settings = sections.settings();
         assert_eq!(settings[2..6], [1.25, 1.25, 1.0, 1.0].map(Setting::Fixed));
         assert_eq!(settings[8..], [0.25, 0.25, 12.0].map(Setting::Fixed));
