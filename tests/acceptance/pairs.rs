@@ -73,7 +73,9 @@ fn the_least_violating_design_is_exported_as_infeasible() {
         .collect();
     let text = format!("{before}contact_ratio_min = 5.0\n{}\n", after.join("\n"));
     sandbox.write("tiny.toml", &text);
-    let output = sandbox.coordinator(&["run", "tiny.toml", "--db", "tiny.db"]);
+    let warned = [("PITCHLINE_LOG", "warn")];
+    let run = ["run", "tiny.toml", "--db", "tiny.db"];
+    let output = sandbox.run_with("coordinator", &run, &warned);
     assert_code(&output, 16);
     assert!(
         errors(&output).contains("--infeasible"),
@@ -96,7 +98,8 @@ fn the_least_violating_design_is_exported_as_infeasible() {
         "{}",
         errors(&output)
     );
-    let output = sandbox.coordinator(&[&export[..], &["--infeasible"]].concat());
+    let export = [&export[..], &["--infeasible"]].concat();
+    let output = sandbox.run_with("coordinator", &export, &warned);
     assert_code(&output, 0);
     let said = errors(&output);
     assert!(said.contains("contact ratio"), "{said}");

@@ -388,7 +388,8 @@ fn a_finished_campaign_is_looked_at_from_two_more_sides() {
         .min_by(|a, b| a.parse::<f64>().unwrap().total_cmp(&b.parse().unwrap()));
     assert_eq!(column(&scenarios, "p90_um").next(), least);
     let indices = csv(&sandbox, "s/indices.csv");
-    assert_eq!(indices.len(), 1 + 9 + 10);
+    // Variables, three parameters of the wear and the torque; for one pair the field, too.
+    assert_eq!(indices.len(), 1 + 15 + 16);
     let output = sandbox.coordinator(&[&sensitivity[..], &["--approach", "magic"]].concat());
     assert_code(&output, 2);
     assert!(

@@ -140,6 +140,7 @@ fn kind(node: &Value) -> String {
         ("array", "array", _) => "list of lists of numbers",
         ("array", ..) if node["items"]["$ref"].is_string() => "list of sections, see below",
         ("object", ..) if node["additionalProperties"]["$ref"].is_string() => "table of sections",
+        ("object", ..) if node["properties"].is_object() => "table",
         ("object", ..) => "table of texts",
         _ => panic!("a value has no name: {node}"),
     }

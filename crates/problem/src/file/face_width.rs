@@ -14,6 +14,7 @@ use super::validate::Source;
     untagged,
     expecting = "face_width_mm must be a number, or the numbers of pinion and mate, [b1, b2]"
 )]
+#[schemars(title = "number or [pinion, mate]")]
 pub enum FaceWidth {
     /// That of both gears.
     Both(f64),
