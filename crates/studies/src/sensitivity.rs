@@ -2,7 +2,7 @@
 //! on tolerances.
 //!
 //! Two questions, two tables. The first varies one parameter of the wear field at a time by a factor
-//! and samples again. The second lets small deviations of all inputs (see [`inputs`]) vary together and splits the
+//! and samples again. The second lets small deviations of all inputs (see `inputs`) vary together and splits the
 //! variance that follows among them (Sobol' indices).
 
 use std::ops::Range;

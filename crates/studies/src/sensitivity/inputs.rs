@@ -45,7 +45,7 @@ pub struct Tolerances {
     #[arg(long = "helix-slope-tolerance", value_name = "UM", default_value_t = 4.0, value_parser = amount)]
     pub helix_slope_um: f64,
     /// Largest deviation of the wear's depth, variance and range, and of the tolerances of
-    /// [manufacture], as a share of each
+    /// `[manufacture]`, as a share of each
     #[arg(long, value_name = "SHARE", default_value_t = 0.2, value_parser = share)]
     pub scenario: f64,
     /// Largest deviation of all torques together, as a share of them
