@@ -354,10 +354,7 @@ fn code_of_finished(status: &Status) -> u8 {
         .iter()
         .all(|optimum| optimum.criterion.is_none())
     {
-        warn!(
-            "finished, but no approach found a feasible design; the report says why; of gears, `export --pair FILE --approach \
-             NAME --infeasible` writes the design that violates the constraints least"
-        );
+        warn!("finished, but no approach found a feasible design; the report says why");
         exit::NONE_FEASIBLE
     } else {
         exit::OK

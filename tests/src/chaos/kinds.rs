@@ -98,10 +98,16 @@ impl Kind {
                 let model = "tooth_model = \"hertz-beam\"";
                 let section = "\n[manufacture]\nflank_class = 7\nmisalignment_um = 10.0\n\
                                tip_relief_tolerance_um = 3.0\n[corrections]\ntip_relief_um = [0.0, 20.0]\n\
-                               tip_relief_length_mm = 1.5\n";
+                               tip_relief_length_mm = 1.5\n[material.mate]\nname = \"16MnCr5\"\n\
+                               [allowances]\ntooth_thickness_um = { pinion = [-50, -80], mate = [-50, -80] }\n";
                 let cases = "[[load.cases]]\n[[load.cases]]\nwear = 0.0\ndelta_ste_max_um = 8.0\n\
                              [[load.cases]]\npinion_torque_nm = 50.0\n[material]";
                 let text = change(&text, model, "tooth_model = \"coupled\"");
+                let text = change(
+                    &text,
+                    "face_width_mm = 10.0",
+                    "face_width_mm = [10.5, 10.0]",
+                );
                 vec![change(&text, "[material]", cases) + section]
             }
             Self::Precise => {

@@ -208,9 +208,7 @@ impl PairCorrections {
             }
         })
     }
-}
 
-impl PairCorrections {
     /// Lengths of the relieved parts along the path of contact, mm, of a pair with this geometry.
     fn lengths(&self, geometry: Option<&gear::Geometry>) -> [f64; 2] {
         let given = self.tip_relief_length_mm;

@@ -323,15 +323,6 @@ impl MaterialSection {
 }
 
 impl Materials {
-    /// The material of both gears.
-    #[must_use]
-    pub const fn of_both(material: Material) -> Self {
-        Self {
-            pinion: material,
-            mate: None,
-        }
-    }
-
     /// The materials of pinion and mate.
     #[must_use]
     pub fn each(&self) -> [Material; 2] {

@@ -313,48 +313,36 @@ fn inspection(file: &PairFile, pair: &UnloadedPair, sheet: &Sheet) -> Section {
 
 /// The rows of measures with allowances.
 fn limits(limits: &Limits) -> Vec<Row> {
-    let each = |measures: [Option<[f64; 2]>; 2], limit: usize| {
-        measures.map(|measure| measure.map_or(f64::NAN, |measure| measure[limit]))
-    };
-    let thickness = limits.tooth_thickness.map(Some);
     let mut rows = Vec::new();
-    for (limit, keys, words) in [
+    for (symbol, words, keys, measures) in [
         (
-            0,
+            "s_n",
+            ["thickness, upper limit", "thickness, lower limit"],
             [
                 "normal_tooth_thickness_upper_mm",
-                "span_upper_mm",
-                "over_balls_upper_mm",
+                "normal_tooth_thickness_lower_mm",
             ],
-            [
-                "thickness, upper limit",
-                "span, upper limit",
-                "over balls, upper limit",
-            ],
+            limits.tooth_thickness.map(Some),
         ),
         (
-            1,
-            [
-                "normal_tooth_thickness_lower_mm",
-                "span_lower_mm",
-                "over_balls_lower_mm",
-            ],
-            [
-                "thickness, lower limit",
-                "span, lower limit",
-                "over balls, lower limit",
-            ],
+            "W_k",
+            ["span, upper limit", "span, lower limit"],
+            ["span_upper_mm", "span_lower_mm"],
+            limits.span,
+        ),
+        (
+            "M_dK",
+            ["over balls, upper limit", "over balls, lower limit"],
+            ["over_balls_upper_mm", "over_balls_lower_mm"],
+            limits.over_balls,
         ),
     ] {
-        let measures = [thickness, limits.span, limits.over_balls];
-        let symbols = ["s_n", "W_k", "M_dK"];
-        for (((key, words), symbol), measure) in
-            keys.into_iter().zip(words).zip(symbols).zip(measures)
-        {
+        for limit in 0..2 {
+            let values = measures.map(|one| one.map_or(f64::NAN, |one| one[limit]));
             rows.push(Row::each(
-                key,
-                [words, symbol, "mm"],
-                each(measure, limit),
+                keys[limit],
+                [words[limit], symbol, "mm"],
+                values,
                 4,
             ));
         }

@@ -70,7 +70,7 @@ type Change<T> = fn(&mut T, f64);
 /// The part of a pair that an input changes.
 #[derive(Debug, Clone, Copy)]
 enum Effect {
-    /// The variable with this place in a design, which is no less than the number.
+    /// The variable with this place in a design, and its least value.
     Variable(usize, f64),
     Wear(Change<gear::Wear>),
     Scatter(Change<gear::Scatter>),
@@ -98,7 +98,7 @@ impl Tolerances {
             6..10 => (self.radius_mm, "mm", 0.0),
             10 => (self.helix_angle_deg, "°", f64::NEG_INFINITY),
             11 | 12 => (self.tip_relief_um, "µm", 0.0),
-            13 | 14 => (self.relief_length_mm, "mm", 0.0),
+            13 | 14 => (self.relief_length_mm, "mm", 1e-3),
             15 => (self.crowning_um, "µm", 0.0),
             _ => (self.helix_slope_um, "µm", f64::NEG_INFINITY),
         }

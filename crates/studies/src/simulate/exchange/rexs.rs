@@ -13,6 +13,7 @@ use problem::file::Material;
 
 mod pair_text;
 mod read;
+mod xml;
 
 pub use read::{Imported, import};
 

@@ -10,7 +10,9 @@ use problem::file::{FaceWidth, Grade};
 use roxmltree::{Document, Node};
 
 use super::pair_text::{Corrections, Pair, SAME_MM, Sizes, line, micrometres};
-use super::{NONE, STRESS};
+use super::xml::{
+    ANGLE, Components, LENGTH, NUMBER, PRESSURE, TORQUE, Units, named, number, required, text,
+};
 
 /// A pair file from REXS.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,15 +22,6 @@ pub struct Imported {
     /// Defaults, and parts of the file that are not read, a sentence each.
     pub notes: Vec<String>,
 }
-
-/// Units with their sizes in the unit that is read, which is the first.
-type Units = &'static [(&'static str, f64)];
-
-const LENGTH: Units = &[("mm", 1.0), ("um", 1e-3), ("m", 1e3)];
-const ANGLE: Units = &[("deg", 1.0), ("rad", 180.0 / std::f64::consts::PI)];
-const TORQUE: Units = &[("N m", 1.0)];
-const PRESSURE: Units = &[(STRESS, 1.0)];
-const NUMBER: Units = &[(NONE, 1.0)];
 
 /// Default of σ_Hlim, MPa: case-hardened steel by ISO 6336-5, quality MQ.
 const CONTACT_LIMIT_MPA: f64 = 1500.0;
@@ -49,7 +42,7 @@ pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<
          version \"1.5\" or the like",
         root.tag_name().name()
     );
-    let model = Model { root };
+    let model = Components { root };
     let mut notes = Vec::new();
     if version != "1.5" {
         notes.push(format!(
@@ -71,113 +64,15 @@ pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<
     })
 }
 
-/// The components and relations of a file.
-#[derive(Clone, Copy)]
-struct Model<'a> {
-    root: Node<'a, 'a>,
-}
-
-/// A component in words.
-fn named(component: Node<'_, '_>) -> String {
-    let [kind, name, id] =
-        ["type", "name", "id"].map(|key| component.attribute(key).unwrap_or_default());
-    format!("{kind} {name:?} (component {id})")
-}
-
-/// The attribute of a component.
-fn attribute<'a>(component: Node<'a, 'a>, id: &str) -> Option<Node<'a, 'a>> {
-    let mut attributes = component.children();
-    attributes.find(|one| one.has_tag_name("attribute") && one.attribute("id") == Some(id))
-}
-
-/// The text of an attribute.
-fn text<'a>(component: Node<'a, 'a>, id: &str) -> Option<&'a str> {
-    attribute(component, id)?.text().map(str::trim)
-}
-
-/// The number of an attribute in the first of these units; `None` if the component has none.
-fn number(component: Node<'_, '_>, id: &str, units: Units) -> anyhow::Result<Option<f64>> {
-    let Some(found) = attribute(component, id) else {
-        return Ok(None);
-    };
-    let unit = found.attribute("unit").unwrap_or(NONE);
-    let size = units.iter().find(|(name, _)| *name == unit);
-    let (_, size) = size.with_context(|| {
-        let known: Vec<&str> = units.iter().map(|(name, _)| *name).collect();
-        format!(
-            "{}: {id} is in {unit:?}, but must be in {}",
-            named(component),
-            known.join(" or ")
-        )
-    })?;
-    let written = found.text().unwrap_or_default().trim();
-    let value: Option<f64> = written.parse().ok().filter(|value: &f64| value.is_finite());
-    let value = value.with_context(|| {
-        format!(
-            "{}: {id} is {written:?}, but must be a number",
-            named(component)
-        )
-    })?;
-    Ok(Some(value * size))
-}
-
-/// As [`number`], for an attribute that must be there.
-fn required(component: Node<'_, '_>, id: &str, units: Units) -> anyhow::Result<f64> {
-    number(component, id, units)?
-        .with_context(|| format!("{} lacks the attribute {id}", named(component)))
-}
-
-impl<'a> Model<'a> {
-    fn list(self, list: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
-        let lists = self
-            .root
-            .children()
-            .filter(move |one| one.has_tag_name(list));
-        lists
-            .flat_map(|list| list.children())
-            .filter(Node::is_element)
-    }
-
-    fn component(self, id: &str) -> Option<Node<'a, 'a>> {
-        self.list("components")
-            .find(|one| one.attribute("id") == Some(id))
-    }
-
-    fn of_kind(self, kind: &'static str) -> Vec<Node<'a, 'a>> {
-        let components = self.list("components");
-        components
-            .filter(|one| one.attribute("type") == Some(kind))
-            .collect()
-    }
-
-    /// The components in a role of the relations of this kind in which `known` has its role.
-    fn related(self, kind: &str, known: (&str, Node<'a, 'a>), role: &str) -> Vec<Node<'a, 'a>> {
-        let relations = self.list("relations");
-        let of_kind = relations.filter(|one| one.attribute("type") == Some(kind));
-        let has_known = |relation: &Node<'a, 'a>| {
-            relation.children().any(|one| {
-                one.attribute("role") == Some(known.0)
-                    && one.attribute("id") == known.1.attribute("id")
-            })
-        };
-        of_kind
-            .filter(has_known)
-            .flat_map(|relation| relation.children())
-            .filter(|one| one.attribute("role") == Some(role))
-            .filter_map(|one| self.component(one.attribute("id")?))
-            .collect()
-    }
-}
-
 /// A cylindrical stage with its two gears, of which the first is the pinion.
 struct Stage<'a> {
-    model: Model<'a>,
+    model: Components<'a>,
     stage: Node<'a, 'a>,
     gears: [Node<'a, 'a>; 2],
 }
 
 impl<'a> Stage<'a> {
-    fn of(model: Model<'a>) -> anyhow::Result<Self> {
+    fn of(model: Components<'a>) -> anyhow::Result<Self> {
         let other = model.list("components").find(|one| {
             let kind = one.attribute("type").unwrap_or_default();
             kind == "ring_gear" || kind.ends_with("_stage") && kind != "cylindrical_stage"
