@@ -65,7 +65,7 @@ pub fn write_tables(
         };
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
             shown.rows.push(vec![
-                input.name.clone(),
+                symbol(&input.name),
                 deviation(input),
                 index(first),
                 index(total),
