@@ -19,7 +19,6 @@ mod reference;
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -27,12 +26,6 @@ use acceptance::{Sandbox, free_address, programs, root, skipped};
 
 /// A block may take so long: many times what it takes, also on a busy machine.
 const SECONDS: &str = "600";
-
-/// The `coordinator` of a page: the program, but that the file which `init` writes takes a third of the time.
-const COORDINATOR: &str = r#"#!/bin/sh
-[ "$1" = init ] || exec "$PROGRAMS/coordinator" "$@"
-"$PROGRAMS/coordinator" "$@" && sed -i 's/^evaluations = 400/evaluations = 80/; s/^restart_at = 200/restart_at = 40/; s/^half_width = 0.01/half_width = 0.03/' "$2"
-"#;
 
 fn pages() -> PathBuf {
     root().join("docs/guide/src")
@@ -169,15 +162,7 @@ fn run(sandbox: &Sandbox, script: &str) -> (Option<i32>, String) {
     let mut child = Command::new("timeout")
         .args([SECONDS, "sh", "-e", "-c", script])
         .current_dir(sandbox.path(""))
-        .env(
-            "PATH",
-            format!(
-                "{}:{}:{path}",
-                sandbox.path(".programs").display(),
-                programs().display()
-            ),
-        )
-        .env("PROGRAMS", programs())
+        .env("PATH", format!("{}:{path}", programs().display()))
         .env("XDG_STATE_HOME", sandbox.path("state"))
         .env("PITCHLINE_LOG", "warn")
         .env("COLUMNS", "120")
@@ -308,11 +293,6 @@ fn follow(page: &str) {
     let sandbox = Sandbox::new();
     let campaigns = root().join("campaigns").canonicalize().expect("a folder");
     std::os::unix::fs::symlink(campaigns, sandbox.path("campaigns")).expect("a link");
-    std::fs::create_dir(sandbox.path(".programs")).expect("a folder");
-    let coordinator = sandbox.path(".programs/coordinator");
-    std::fs::write(&coordinator, COORDINATOR).expect("a file");
-    std::fs::set_permissions(&coordinator, std::fs::Permissions::from_mode(0o755))
-        .expect("its rights can be set");
     let text = written_by_hand(&read(&pages().join(page)));
     let port = free_address().port();
     for block in blocks(page, &text) {

@@ -24,8 +24,7 @@
 //!   contact to the other, f_Hβ from one end of the face to the other. A flank that is usable beyond its
 //!   active part deviates less on that part.
 //! - Tolerances are not rounded as the standard's printed values are.
-//! - Only the samples of coupled cells have helix slopes and misalignment. Slices would lose their prefix
-//!   sums, which makes a sample twenty times as slow, and whole teeth have one gap for the whole face.
+//! - Samples of whole teeth have neither helix slopes nor misalignment: they have one gap for the whole face.
 //!
 //! Left out: pitch deviations, profile and helix form, and differences between the teeth of a gear.
 
