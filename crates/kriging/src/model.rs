@@ -2,6 +2,7 @@
 
 pub(crate) mod calibration;
 pub(crate) mod coordinates;
+mod gradient;
 pub(crate) mod loo;
 pub(crate) mod predict;
 mod update;

@@ -146,6 +146,21 @@ impl Surrogate {
         self.in_units_of_y(of_model!(self, model => model.mean(x)))
     }
 
+    /// The gradient of [`Surrogate::mean`] at `x`; `None` of the approximate method, whose mean is not continuous.
+    ///
+    /// # Panics
+    ///
+    /// As [`Surrogate::mean`].
+    #[must_use]
+    pub fn gradient(&self, x: &[f64]) -> Option<Vec<f64>> {
+        let model = self.exact()?;
+        let factor = match self.response {
+            Response::Plain => 1.0,
+            Response::Log => self.mean(x),
+        };
+        Some(model.gradient(x).into_iter().map(|g| factor * g).collect())
+    }
+
     /// [`Surrogate::mean`] at many points: row-major, any number of rows.
     ///
     /// # Errors

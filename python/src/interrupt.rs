@@ -1,0 +1,60 @@
+//! Long work that Ctrl-C ends.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+use pyo3::exceptions::PyRuntimeError;
+use pyo3::prelude::*;
+
+/// How often signals are looked for while work is under way.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// Whether the work that holds it should end early.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Stopping(Arc<AtomicBool>);
+
+impl Stopping {
+    /// Whether the user has asked for the end.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The result of `work`, which another thread computes while this one, without the interpreter's lock, looks for
+/// signals. After one the exception of its handler is raised at once. The work is asked to end; what does not
+/// look at [`Stopping`] goes on to its end and is thrown away.
+pub(crate) fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Stopping) -> T + Send + 'static,
+) -> PyResult<T> {
+    let stopping = Stopping::default();
+    let (sender, mut receiver) = mpsc::channel();
+    let of_thread = stopping.clone();
+    thread::spawn(move || {
+        // Without a receiver the result is no longer wanted.
+        let _ = sender.send(work(&of_thread));
+    });
+    loop {
+        // Moved in and out: a receiver is of one thread at a time.
+        let received;
+        (received, receiver) = py.detach(move || (receiver.recv_timeout(LOOK), receiver));
+        match received {
+            Ok(result) => return Ok(result),
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(interrupted) = py.check_signals() {
+                    stopping.0.store(true, Ordering::Relaxed);
+                    return Err(interrupted);
+                }
+            }
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(PyRuntimeError::new_err(
+                    "the computation ended without a result: this is a bug, please report it with \
+                     the call that shows it",
+                ));
+            }
+        }
+    }
+}

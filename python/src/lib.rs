@@ -1,0 +1,32 @@
+//! The compiled part of the Python package `pitchline`. What users see, with defaults and documentation, is in
+//! `pitchline/`; here arrays and texts become the arguments of the workspace's crates, and results arrays.
+
+mod arrays;
+mod doe;
+mod error;
+mod gears;
+mod interrupt;
+mod kriging;
+mod problem;
+mod search;
+mod statistics;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _pitchline {
+    #[pymodule_export]
+    use crate::doe::{design, discrepancy, distance, enlarge};
+    #[pymodule_export]
+    use crate::error::PitchlineError;
+    #[pymodule_export]
+    use crate::gears::Pair;
+    #[pymodule_export]
+    use crate::kriging::Model;
+    #[pymodule_export]
+    use crate::problem::Problem;
+    #[pymodule_export]
+    use crate::search::{Run, Search};
+    #[pymodule_export]
+    use crate::statistics::{difference, estimate, lilliefors, verified};
+}
