@@ -48,14 +48,6 @@ impl Pair {
         Self::of(PairFile::parse(file, text).map_err(raised)?)
     }
 
-    /// The pair of the sections of a pair file, as JSON.
-    #[staticmethod]
-    fn from_json(text: &str) -> PyResult<Self> {
-        let sections: toml::Table = serde_json::from_str(text).map_err(raised)?;
-        let text = toml::to_string(&sections).map_err(raised)?;
-        Self::new("the pair", &text)
-    }
-
     fn to_toml(&self) -> String {
         self.file.to_toml()
     }
@@ -67,7 +59,8 @@ impl Pair {
             "archard" => WearChoice::Archard,
             "random" => WearChoice::Random,
             _ => {
-                let text = format!("wear is {wear:?}, it must be \"none\", \"archard\" or \"random\"");
+                let text =
+                    format!("wear is {wear:?}, it must be \"none\", \"archard\" or \"random\"");
                 return Err(PitchlineError::new_err(text));
             }
         };
@@ -93,7 +86,10 @@ impl Pair {
             true => self.pair.archard(&self.file.wear).analysis,
             false => self.pair.unworn(),
         });
-        (analysis.phases.into_pyarray(py), analysis.ste_um.into_pyarray(py))
+        (
+            analysis.phases.into_pyarray(py),
+            analysis.ste_um.into_pyarray(py),
+        )
     }
 
     /// ΔSTE of random pairs in µm, shape (samples, load cases).
@@ -118,7 +114,10 @@ impl Pair {
             };
             let runs: Vec<usize> = (0..samples).step_by(RUN).collect();
             let wanted = |start: &usize| (!stopping.is_asked()).then(|| run(*start));
-            runs.par_iter().filter_map(wanted).flatten_iter().collect::<Vec<f64>>()
+            runs.par_iter()
+                .filter_map(wanted)
+                .flatten_iter()
+                .collect::<Vec<f64>>()
         })?;
         values.into_pyarray(py).reshape([samples, width])
     }

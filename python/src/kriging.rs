@@ -1,6 +1,6 @@
 //! Kriging models.
 
-use ::kriging::{Data, Error, FitOptions, Prediction, Settings, Surrogate};
+use ::kriging::{Data, Error, FitOptions, Prediction, Response, Settings, Surrogate};
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -23,6 +23,10 @@ pub(crate) struct Model {
 }
 
 impl Model {
+    pub(crate) fn new(model: Surrogate) -> Self {
+        Self { model }
+    }
+
     /// The rows of `x`; an error unless they have as many coordinates as the model.
     fn rows_of(&self, x: &Matrix<'_>) -> PyResult<Vec<f64>> {
         let ([_, got], expected) = (shape(x), self.model.dimensions());
@@ -30,7 +34,11 @@ impl Model {
             Ok(rows(x).into_owned())
         } else {
             let what = "a row of x";
-            Err(raised(Error::Shape { what, expected, got }))
+            Err(raised(Error::Shape {
+                what,
+                expected,
+                got,
+            }))
         }
     }
 }
@@ -38,7 +46,10 @@ impl Model {
 #[pymethods]
 impl Model {
     #[staticmethod]
-    #[expect(clippy::too_many_arguments, reason = "the options of a fit, all named in Python")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the options of a fit, all named in Python"
+    )]
     fn fit(
         py: Python<'_>,
         x: Matrix<'_>,
@@ -49,6 +60,7 @@ impl Model {
         nugget: &str,
         method: &str,
         response: &str,
+        estimator: &str,
         calibrate: bool,
         starts: usize,
         seed: u64,
@@ -58,6 +70,7 @@ impl Model {
                 kernel: option("kernel", kernel)?,
                 trend: option("trend", trend)?,
                 nugget: option("nugget", nugget)?,
+                estimator: option("estimator", estimator)?,
                 calibrate,
                 starts,
                 seed,
@@ -97,7 +110,11 @@ impl Model {
         let x = self.rows_of(&x)?;
         let predictions = py.detach(|| self.model.predict_many(&x)).map_err(raised)?;
         let of = |part: fn(&Prediction) -> f64| {
-            predictions.iter().map(part).collect::<Vec<f64>>().into_pyarray(py)
+            predictions
+                .iter()
+                .map(part)
+                .collect::<Vec<f64>>()
+                .into_pyarray(py)
         };
         Ok((of(|one| one.mean), of(|one| one.variance)))
     }
@@ -193,7 +210,13 @@ impl Model {
     fn parameters<'py>(
         &self,
         py: Python<'py>,
-    ) -> (f64, f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, f64) {
+    ) -> (
+        f64,
+        f64,
+        Bound<'py, PyArray1<f64>>,
+        Bound<'py, PyArray1<f64>>,
+        f64,
+    ) {
         let found = self.model.parameters();
         (
             found.mu,
@@ -202,6 +225,15 @@ impl Model {
             PyArray1::from_slice(py, &found.slopes),
             found.nugget,
         )
+    }
+
+    /// Whether ln y is modelled.
+    fn is_log(&self) -> bool {
+        self.model.response() == Response::Log
+    }
+
+    fn kernel(&self) -> String {
+        self.model.kernel().to_string()
     }
 
     fn log_likelihood(&self) -> f64 {
@@ -213,7 +245,11 @@ impl Model {
     }
 
     fn warnings(&self) -> Vec<String> {
-        self.model.warnings().iter().map(ToString::to_string).collect()
+        self.model
+            .warnings()
+            .iter()
+            .map(ToString::to_string)
+            .collect()
     }
 
     fn to_json(&self) -> PyResult<String> {

@@ -8,6 +8,7 @@ mod gears;
 mod interrupt;
 mod kriging;
 mod problem;
+mod results;
 mod search;
 mod statistics;
 
@@ -24,7 +25,9 @@ mod _pitchline {
     #[pymodule_export]
     use crate::kriging::Model;
     #[pymodule_export]
-    use crate::problem::Problem;
+    use crate::problem::{Problem, name_of, toml_of};
+    #[pymodule_export]
+    use crate::results::{Store, Table};
     #[pymodule_export]
     use crate::search::{Run, Search};
     #[pymodule_export]

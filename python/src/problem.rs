@@ -15,6 +15,19 @@ use crate::arrays::{Matrix, rows, shape};
 use crate::error::{PitchlineError, raised};
 use crate::interrupt::{Stopping, interruptible};
 
+/// The sections of a file as TOML, from JSON.
+#[pyfunction]
+pub(crate) fn toml_of(json: &str) -> PyResult<String> {
+    let sections: toml::Table = serde_json::from_str(json).map_err(raised)?;
+    toml::to_string(&sections).map_err(raised)
+}
+
+/// The name of the campaign in a file with this text.
+#[pyfunction]
+pub(crate) fn name_of(file: &str, text: &str) -> PyResult<String> {
+    Ok(Campaign::parse(file, text).map_err(raised)?.name)
+}
+
 /// The problem of a campaign file of `kind = "gear"`.
 #[pyclass(module = "pitchline._pitchline", frozen)]
 pub(crate) struct Problem(Arc<Formulation>);
@@ -70,7 +83,11 @@ impl Problem {
         py: Python<'_>,
         x: &Matrix<'_>,
         width: usize,
-        numbers: impl Fn(&Formulation, usize, Box<dyn PreparedDesign + '_>) -> Result<Vec<f64>, NoAnswer>
+        numbers: impl Fn(
+            &Formulation,
+            usize,
+            Box<dyn PreparedDesign + '_>,
+        ) -> Result<Vec<f64>, NoAnswer>
         + Send
         + Sync
         + 'static,
@@ -110,7 +127,8 @@ impl Problem {
     /// Names and units of the free variables, in the order of a design's columns.
     fn variables(&self) -> Vec<Named> {
         let all = self.0.coordinates().iter();
-        all.map(|one| (one.name.to_string(), one.unit.to_string())).collect()
+        all.map(|one| (one.name.to_string(), one.unit.to_string()))
+            .collect()
     }
 
     /// Lowest and highest values of the free variables, shape (d, 2).
@@ -136,13 +154,15 @@ impl Problem {
     /// Names and units of the deterministic responses.
     fn responses(&self) -> Vec<Named> {
         let all = self.0.responses().iter();
-        all.map(|one| (one.name.to_string(), one.unit.to_string())).collect()
+        all.map(|one| (one.name.to_string(), one.unit.to_string()))
+            .collect()
     }
 
     /// Names and units of the sampled responses.
     fn sampled(&self) -> Vec<Named> {
         let all = self.0.sampled().iter();
-        all.map(|one| (one.name.to_string(), one.unit.to_string())).collect()
+        all.map(|one| (one.name.to_string(), one.unit.to_string()))
+            .collect()
     }
 
     /// The deterministic responses of designs, shape (n, responses), and why a design has none.
@@ -172,15 +192,16 @@ impl Problem {
         first: u64,
     ) -> PyResult<(Bound<'py, PyArray3<f64>>, Vec<Option<String>>)> {
         let width = self.0.sampled().len();
-        let (values, reasons) = self.compute(py, &x, samples * width, move |_, index, mut one| {
-            let design = first + index as u64;
-            let mut all = Vec::new();
-            for sample in 0..samples as u64 {
-                let mut rng = stream(seed, Purpose::Wear, design, sample);
-                all.extend(one.sample(&mut rng)?);
-            }
-            Ok(all)
-        })?;
+        let (values, reasons) =
+            self.compute(py, &x, samples * width, move |_, index, mut one| {
+                let design = first + index as u64;
+                let mut all = Vec::new();
+                for sample in 0..samples as u64 {
+                    let mut rng = stream(seed, Purpose::Wear, design, sample);
+                    all.extend(one.sample(&mut rng)?);
+                }
+                Ok(all)
+            })?;
         let values = values.into_pyarray(py);
         let values = values.reshape([reasons.len(), samples, width])?;
         Ok((values, reasons))

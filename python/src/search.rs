@@ -30,10 +30,7 @@ fn options(
     Ok(options)
 }
 
-fn evaluations(
-    values: &Vector<'_>,
-    violations: Option<&Vector<'_>>,
-) -> PyResult<Vec<Evaluation>> {
+fn evaluations(values: &Vector<'_>, violations: Option<&Vector<'_>>) -> PyResult<Vec<Evaluation>> {
     let values = numbers(values);
     let Some(violations) = violations else {
         return Ok(values.iter().map(|&value| value.into()).collect());
@@ -53,7 +50,11 @@ fn evaluations(
         .collect())
 }
 
-fn candidates(py: Python<'_>, asked: Vec<Vec<f64>>, d: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {
+fn candidates(
+    py: Python<'_>,
+    asked: Vec<Vec<f64>>,
+    d: usize,
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
     let n = asked.len();
     asked.concat().into_pyarray(py).reshape([n, d])
 }
@@ -138,7 +139,10 @@ pub(crate) struct Run {
 #[pymethods]
 impl Run {
     #[new]
-    #[expect(clippy::too_many_arguments, reason = "the settings of a run, all named in Python")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the settings of a run, all named in Python"
+    )]
     fn new(
         start: Vector<'_>,
         bounds: Matrix<'_>,
@@ -187,8 +191,12 @@ impl Run {
             found.value,
             found.violation,
             found.evaluations,
-            history.map(|(at, told)| (*at, told.value, told.violation)).collect(),
-            restarts.map(|one| (one.evaluations, one.cause.to_string())).collect(),
+            history
+                .map(|(at, told)| (*at, told.value, told.violation))
+                .collect(),
+            restarts
+                .map(|one| (one.evaluations, one.cause.to_string()))
+                .collect(),
         ))
     }
 }

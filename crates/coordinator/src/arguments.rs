@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use ::studies::simulate::WearChoice;
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 use problem::Approach;
 use results::export::Table;
 use results::table::Format;
@@ -99,6 +100,11 @@ pub(crate) enum Command {
     Check(Check),
     /// Write a commented campaign file to start from
     Init(Init),
+    /// Print what a shell needs to complete commands and options of both programs
+    Completions(Completions),
+    /// Write man pages, completions of all shells and schemas into a folder, for packages
+    #[command(hide = true)]
+    Share(Share),
 }
 
 #[derive(Debug, Args)]
@@ -436,4 +442,18 @@ pub(crate) struct Init {
     /// Write a problem without gears, and a program in Python that simulates it
     #[arg(long)]
     pub(crate) external: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Completions {
+    /// The shell
+    #[arg(value_name = "SHELL", value_enum)]
+    pub(crate) shell: Shell,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Share {
+    /// The folder
+    #[arg(value_name = "DIR")]
+    pub(crate) out: PathBuf,
 }

@@ -34,6 +34,7 @@ mod modelling;
 mod output;
 mod output_folder;
 mod sharding;
+mod share;
 mod simulating;
 mod stability;
 mod steering;
@@ -87,6 +88,8 @@ pub(crate) async fn execute(command: Command) -> Result<u8, ProgramError> {
         Command::Stability(arguments) => stability::stability(&arguments),
         Command::Check(arguments) => checking::check(&arguments),
         Command::Init(arguments) => init(&arguments),
+        Command::Completions(arguments) => share::completions(arguments.shell),
+        Command::Share(arguments) => share::share(&arguments.out),
     }
 }
 

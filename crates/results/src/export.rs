@@ -3,7 +3,7 @@
 mod designs;
 mod evaluations;
 
-use std::io::Write;
+use std::io::{Sink, Write};
 
 use clap::ValueEnum;
 use ledger::StreamId;
@@ -15,6 +15,7 @@ use stages::names;
 use stages::rounds::Round;
 use store::{OriginRow, Store};
 
+use crate::columnar::Columns;
 use crate::columns::{squared, statistic};
 use crate::finer_grid::difference_um;
 use crate::optima::Optima;
@@ -64,10 +65,29 @@ pub async fn write(
         writeln!(out, "{}", model::stored(store).await?.to_json()?)?;
         return Ok(out.flush()?);
     }
-    let problem = &snapshot::problem(store).await?;
     let name = table.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
-    let out = Destination { out, format, name };
+    fill(store, table, Destination::File { out, format, name }).await
+}
+
+/// A table in memory; the model is none.
+///
+/// # Errors
+///
+/// The store cannot be read.
+pub async fn columns(store: &Store, table: Table) -> anyhow::Result<Columns> {
+    let mut kept = Columns::default();
+    fill(store, table, Destination::<Sink>::Memory(&mut kept)).await?;
+    Ok(kept)
+}
+
+/// Writes the rows of a table.
+async fn fill<W: Write + Send>(
+    store: &Store,
+    table: Table,
+    out: Destination<'_, W>,
+) -> anyhow::Result<()> {
+    let problem = &snapshot::problem(store).await?;
     match table {
         Table::Model => Ok(()),
         Table::Designs => designs::write(store, problem, out).await,
@@ -83,17 +103,23 @@ pub async fn write(
     }
 }
 
-/// The output of a table with its form.
-struct Destination<'a, W: Write + Send> {
-    out: W,
-    format: Format,
-    name: &'a str,
+/// Where a table goes.
+enum Destination<'a, W: Write + Send> {
+    File {
+        out: W,
+        format: Format,
+        name: &'a str,
+    },
+    Memory(&'a mut Columns),
 }
 
-impl<W: Write + Send> Destination<'_, W> {
+impl<'a, W: Write + Send> Destination<'a, W> {
     /// Begins a table with these columns.
-    fn table(self, columns: Vec<Column>) -> anyhow::Result<TableWriter<W>> {
-        TableWriter::new(self.out, self.format, self.name, columns)
+    fn table(self, columns: Vec<Column>) -> anyhow::Result<TableWriter<'a, W>> {
+        match self {
+            Self::File { out, format, name } => TableWriter::new(out, format, name, columns),
+            Self::Memory(kept) => Ok(TableWriter::in_memory(kept, columns)),
+        }
     }
 }
 

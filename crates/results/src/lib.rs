@@ -3,7 +3,7 @@
 //!
 //! - [`status`] is the progress of a campaign, [`running`] the state of a running coordinator; [`describing`] puts
 //!   both into words.
-//! - [`export`] writes the store's tables as [`table`]s of CSV, JSON or Parquet, [`model`] is its kriging model, and
+//! - [`export`] writes the store's tables as [`table`]s of CSV, JSON or Parquet, or keeps them as [`columnar`] ones, [`model`] is its kriging model, and
 //!   [`pair_file`] an optimum as a pair file.
 //! - [`report`] is the report with its charts; [`comparison`] puts the paper's figures beside ours.
 //! - [`sheet`] is the data sheet of a gear pair.
@@ -14,6 +14,7 @@
 //! - [`modelling`] fits models to tables of a user's own.
 
 pub mod cell;
+pub mod columnar;
 mod columns;
 pub mod comparison;
 pub mod costs;

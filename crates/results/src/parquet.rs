@@ -16,6 +16,7 @@ use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::Type;
 
 use crate::cell::{Cell, Column, Kind, SCHEMA_VERSION};
+use crate::columnar::{Columns, Values};
 
 /// Rows of a row group; they are kept in memory until it is full.
 const ROWS: usize = 1 << 16;
@@ -23,15 +24,9 @@ const ROWS: usize = 1 << 16;
 /// Writes the rows of a table, which fit its columns.
 pub(crate) struct ParquetWriter<W: Write + Send> {
     file: SerializedFileWriter<W>,
-    columns: Vec<Values>,
+    /// The rows that are not written yet.
+    group: Columns,
     rows: usize,
-}
-
-/// The unwritten values of a column; a missing number is `None`.
-enum Values {
-    Text(Vec<ByteArray>),
-    Whole(Vec<Option<i64>>),
-    Number(Vec<Option<f64>>),
 }
 
 impl<W: Write + Send> ParquetWriter<W> {
@@ -58,15 +53,13 @@ impl<W: Write + Send> ParquetWriter<W> {
             .build();
         Ok(Self {
             file: SerializedFileWriter::new(out, Arc::new(schema), Arc::new(properties))?,
-            columns: columns.iter().map(Values::new).collect(),
+            group: Columns::new(columns),
             rows: 0,
         })
     }
 
     pub(crate) fn write(&mut self, row: &[Cell]) -> anyhow::Result<()> {
-        for (values, cell) in self.columns.iter_mut().zip(row) {
-            values.push(cell)?;
-        }
+        self.group.push(row)?;
         self.rows += 1;
         if self.rows == ROWS {
             self.write_group()?;
@@ -85,9 +78,9 @@ impl<W: Write + Send> ParquetWriter<W> {
     /// Writes the values of all columns, and forgets them.
     fn write_group(&mut self) -> anyhow::Result<()> {
         let mut group = self.file.next_row_group()?;
-        for values in &mut self.columns {
+        for values in &mut self.group.values {
             let mut out = group.next_column()?.context("unknown column")?;
-            values.write(&mut out)?;
+            write(values, &mut out)?;
             out.close()?;
         }
         group.close()?;
@@ -112,50 +105,27 @@ fn schema(column: &Column) -> parquet::errors::Result<Arc<Type>> {
     Ok(Arc::new(column.build()?))
 }
 
-impl Values {
-    fn new(column: &Column) -> Self {
-        match column.kind {
-            Kind::Text => Self::Text(Vec::new()),
-            Kind::Whole => Self::Whole(Vec::new()),
-            Kind::Number => Self::Number(Vec::new()),
+/// Writes the values of a column, and forgets them.
+fn write(values: &mut Values, out: &mut SerializedColumnWriter<'_>) -> anyhow::Result<()> {
+    match values {
+        Values::Text(values) => {
+            let values = std::mem::take(values).into_iter();
+            let values: Vec<ByteArray> = values.map(|text| text.into_bytes().into()).collect();
+            out.typed::<ByteArrayType>()
+                .write_batch(&values, None, None)?;
+        }
+        Values::Whole(values) => {
+            let (values, levels) = present(std::mem::take(values));
+            out.typed::<Int64Type>()
+                .write_batch(&values, Some(&levels), None)?;
+        }
+        Values::Number(values) => {
+            let (values, levels) = present(std::mem::take(values));
+            out.typed::<DoubleType>()
+                .write_batch(&values, Some(&levels), None)?;
         }
     }
-
-    fn push(&mut self, cell: &Cell) -> anyhow::Result<()> {
-        match (self, cell) {
-            (Self::Text(values), Cell::Text(text)) => values.push(text.as_str().into()),
-            (Self::Whole(values), Cell::Whole(number)) => {
-                let number = i64::try_from(*number).context("a number of more than 63 bits")?;
-                values.push(Some(number));
-            }
-            (Self::Whole(values), Cell::Missing) => values.push(None),
-            (Self::Number(values), Cell::Number(number)) => values.push(Some(*number)),
-            (Self::Number(values), Cell::Missing) => values.push(None),
-            (_, cell) => anyhow::bail!("{cell:?} does not fit its column"),
-        }
-        Ok(())
-    }
-
-    fn write(&mut self, out: &mut SerializedColumnWriter<'_>) -> anyhow::Result<()> {
-        match self {
-            Self::Text(values) => {
-                let values = std::mem::take(values);
-                out.typed::<ByteArrayType>()
-                    .write_batch(&values, None, None)?;
-            }
-            Self::Whole(values) => {
-                let (values, levels) = present(std::mem::take(values));
-                out.typed::<Int64Type>()
-                    .write_batch(&values, Some(&levels), None)?;
-            }
-            Self::Number(values) => {
-                let (values, levels) = present(std::mem::take(values));
-                out.typed::<DoubleType>()
-                    .write_batch(&values, Some(&levels), None)?;
-            }
-        }
-        Ok(())
-    }
+    Ok(())
 }
 
 /// The values that are present, and for each row whether there is one.

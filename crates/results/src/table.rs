@@ -1,4 +1,4 @@
-//! Typed tables as CSV, JSON or Parquet.
+//! Typed tables as CSV, JSON or Parquet, or in memory.
 
 use std::io::Write;
 
@@ -6,6 +6,7 @@ use clap::ValueEnum;
 use serde_json::{Map, Number, Value};
 
 pub use crate::cell::{Cell, Column, Kind, SCHEMA_VERSION, VersionedObject};
+use crate::columnar::Columns;
 
 /// A table in memory.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,20 +64,31 @@ pub enum Format {
 }
 
 /// Writes the rows of a table in any form.
-pub struct TableWriter<W: Write + Send> {
+pub struct TableWriter<'a, W: Write + Send> {
     columns: Vec<Column>,
     rows: u64,
-    form: Form<W>,
+    form: Form<'a, W>,
 }
 
-enum Form<W: Write + Send> {
+enum Form<'a, W: Write + Send> {
+    Memory(&'a mut Columns),
     Csv(Box<csv::Writer<W>>),
     Json(W),
     #[cfg(feature = "parquet")]
     Parquet(Box<crate::parquet::ParquetWriter<W>>),
 }
 
-impl<W: Write + Send> TableWriter<W> {
+impl<'a, W: Write + Send> TableWriter<'a, W> {
+    /// Begins a table that replaces `kept`.
+    pub(crate) fn in_memory(kept: &'a mut Columns, columns: Vec<Column>) -> Self {
+        *kept = Columns::new(&columns);
+        Self {
+            columns,
+            rows: 0,
+            form: Form::Memory(kept),
+        }
+    }
+
     /// Begins the table of this name.
     ///
     /// # Errors
@@ -139,6 +151,7 @@ impl<W: Write + Send> TableWriter<W> {
             );
         }
         match &mut self.form {
+            Form::Memory(kept) => kept.push(row)?,
             Form::Csv(out) => out.write_record(row.iter().map(ToString::to_string))?,
             Form::Json(out) => {
                 let start = if self.rows == 0 { "\n" } else { ",\n" };
@@ -158,6 +171,7 @@ impl<W: Write + Send> TableWriter<W> {
     /// The output cannot be written.
     pub fn finish(self) -> anyhow::Result<()> {
         match self.form {
+            Form::Memory(_) => {}
             Form::Csv(mut out) => out.flush()?,
             Form::Json(mut out) => {
                 writeln!(out, "\n]}}")?;

@@ -1,60 +1,17 @@
 //! The `worker` binary: see `worker --help`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Parser;
+use clap::Parser as _;
 use runner::exit::{self, ProgramError};
 use runner::gateway::client::ConnectArguments;
 use runner::gateway::port::{self, Listeners};
 use runner::gateway::{Link, Role};
 use runner::shards::Shard;
-use runner::worker::{Options, SimulatorArguments, Summary, Worker};
+use runner::worker::{Arguments, Options, Summary, Worker};
 use tokio_util::sync::CancellationToken;
-
-/// Leases jobs from a coordinator, simulates, and reports the results.
-// Batch scripts and service files append the user's options to their own: the last one counts.
-#[derive(Debug, Parser)]
-#[command(version = runner::identity::BUILD, after_help = runner::console::help_footer(), args_override_self = true)]
-struct Arguments {
-    /// The format of the log
-    #[arg(long, value_enum, default_value_t)]
-    log_format: runner::console::LogFormat,
-    #[command(flatten)]
-    connect: ConnectArguments,
-    /// Number of jobs to compute at once [default: the number of processors]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
-    slots: Option<u16>,
-    #[command(flatten)]
-    simulator: SimulatorArguments,
-    /// Compute a shard written by `coordinator plan`, without a coordinator; needs --out
-    #[arg(long, value_name = "FILE.json", requires = "out")]
-    shard: Option<PathBuf>,
-    /// The file for the shard's results; an existing file of the same shard is continued
-    #[arg(long, value_name = "FILE.part", requires = "shard")]
-    out: Option<PathBuf>,
-    /// Seconds to wait for the first answer of the coordinator
-    #[arg(long, value_name = "SECONDS", default_value_t = 30)]
-    connect_timeout: u64,
-    /// Seconds without an answer of the coordinator and without a running job after which to leave
-    #[arg(long, value_name = "SECONDS", default_value_t = 600)]
-    give_up_after: u64,
-    /// The folder for results that this worker cannot deliver before it ends; the next worker of
-    /// the campaign delivers them, or `coordinator merge` [default:
-    /// ~/.local/state/pitchline/undelivered]
-    #[arg(long, value_name = "DIR")]
-    undelivered: Option<PathBuf>,
-    /// Seconds that running jobs may take to end after SIGTERM
-    #[arg(long, value_name = "SECONDS", default_value_t = 30)]
-    grace: u64,
-    /// Seconds after which to drain and leave, for example before the time on a cluster ends
-    #[arg(long, value_name = "SECONDS")]
-    max_runtime: Option<u64>,
-    /// Seconds without any job after which to leave
-    #[arg(long, value_name = "SECONDS")]
-    idle_exit: Option<u64>,
-}
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();

@@ -11,6 +11,7 @@
     reason = "calls and simulators have time limits, and a worker gets a random identity"
 )]
 
+mod arguments;
 mod backoff;
 mod demand;
 mod error;
@@ -18,6 +19,7 @@ mod exec;
 mod held;
 mod work;
 
+pub use arguments::Arguments;
 pub use demand::LeaseDemand;
 pub use error::Error;
 pub use exec::{Exec, Interface, SimulatorArguments, Trial, trial};

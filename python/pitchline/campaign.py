@@ -1,0 +1,402 @@
+"""Campaigns: run them, stop and resume them, or answer their questions from elsewhere.
+
+>>> import pitchline
+>>> @pitchline.simulator
+... def bowl(x, y, rng):
+...     depth = (x - 0.5) ** 2 + (y + 0.5) ** 2
+...     return depth if rng is None else depth + rng.normal(0.0, 0.1)
+>>> campaign = pitchline.Campaign(
+...     {
+...         "kind": "external",
+...         "format": 1,
+...         "name": "bowl",
+...         "seed": 1,
+...         "variables": [{"name": "x", "low": -2.0, "high": 2.0}, {"name": "y", "low": -2.0, "high": 2.0}],
+...         "responses": [{"name": "depth", "unit": "mm"}],
+...         "doe": {"designs": 30},
+...         "sampling": {"samples_per_design": 25},
+...     },
+...     simulator=bowl,
+... )
+>>> results = campaign.run()           # doctest: +SKIP
+>>> results.recommended                # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import queue
+import shlex
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+from pitchline import _pitchline
+from pitchline._files import program, toml_of
+from pitchline.results import Results
+from pitchline.simulate import Simulator, process
+
+__all__ = ["Campaign", "CampaignError", "Evaluations", "Request"]
+
+logger = logging.getLogger("pitchline")
+
+#: A sequence of seconds between two looks at the store.
+_LOOK = 0.3
+#: Seconds that an answer from elsewhere may take: a year.
+_PATIENCE = 365 * 24 * 3600
+
+
+class CampaignError(_pitchline.PitchlineError):
+    """A campaign that did not end well: the program's sentence. What is computed is kept."""
+
+    #: the exit code, see the guide
+    code: int = 1
+    #: what the store holds; ``None`` without one
+    results: Results | None = None
+
+
+class Campaign:
+    """A campaign.
+
+    :param campaign: a campaign file, or its sections as a dictionary
+    :param simulator: what simulates a campaign of ``kind = "external"`` that names no program
+    """
+
+    def __init__(
+        self, campaign: str | os.PathLike[str] | dict[str, Any], *, simulator: Simulator | None = None
+    ) -> None:
+        if isinstance(campaign, dict):
+            self._file = None
+            self.text = toml_of(campaign)
+            self.name = str(campaign.get("name", "campaign"))
+        else:
+            self._file = Path(campaign)
+            self.text = self._file.read_text(encoding="utf-8")
+            self.name = _pitchline.name_of(os.fspath(campaign), self.text)
+        self.simulator = simulator
+
+    def __repr__(self) -> str:
+        return f"<Campaign {self.name}>"
+
+    @contextlib.contextmanager
+    def _path(self) -> Iterator[Path]:
+        """The campaign file."""
+        if self._file is not None:
+            yield self._file
+            return
+        with tempfile.TemporaryDirectory(prefix="pitchline-") as folder:
+            file = Path(folder) / f"{self.name}.toml"
+            file.write_text(self.text, encoding="utf-8")
+            yield file
+
+    def _own_words(self, said: str, file: Path) -> str:
+        """What a program said of the file, which the user has not seen if the campaign was a dictionary."""
+        return said if self._file is not None else said.replace(os.fspath(file), "the campaign")
+
+    def check(self) -> dict[str, Any]:
+        """What the campaign would do: the object of ``coordinator check --json``.
+
+        :raises CampaignError: a key or a value is wrong
+        """
+        with self._path() as file:
+            command = [program("coordinator"), "check", "--json", os.fspath(file)]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                raise _error(done.returncode, self._own_words(done.stderr, file), None)
+        found: dict[str, Any] = json.loads(done.stdout)
+        return found
+
+    def run(
+        self,
+        db: str | os.PathLike[str] | None = None,
+        *,
+        out: str | os.PathLike[str] | None = None,
+        workers: int | None = None,
+        retry_failed: bool = False,
+        progress: bool | Callable[[dict[str, Any]], object] = True,
+    ) -> Results:
+        """Runs the campaign on this machine, or goes on with what its store holds.
+
+        Ctrl-C stops it in order; the same call continues it.
+
+        :param db: the store; NAME.db if absent
+        :param out: the folder of the report; NAME-report if absent
+        :param workers: simulations at once; as many as processors if absent
+        :param retry_failed: whether to compute again what failed in every attempt
+        :param progress: whether to show a bar, or a function that takes the status from time to time
+        :raises CampaignError: it did not end well, or no design is feasible
+        """
+        with contextlib.ExitStack() as stack:
+            simulator = self.simulator
+            command = None if simulator is None else stack.enter_context(simulator.command())
+            running = stack.enter_context(
+                self._start(db, out=out, workers=workers, retry_failed=retry_failed, command=command)
+            )
+            show = stack.enter_context(_shown(progress))
+            while running.child.poll() is None:
+                show(running.status())
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    running.child.wait(_LOOK)
+            show(running.status())
+            return running.end()
+
+    @contextlib.contextmanager
+    def ask_and_tell(
+        self,
+        db: str | os.PathLike[str] | None = None,
+        *,
+        parallel: int = 1,
+        out: str | os.PathLike[str] | None = None,
+    ) -> Iterator[Evaluations]:
+        """Runs the campaign with simulations that happen elsewhere: what it wants to know is asked, and told.
+
+        Leaving the context before the end stops the campaign; the same call continues it, and asks again what was
+        not told. ``probe_designs = 0`` in ``[simulator]`` leaves out the questions that test a program.
+
+        :param parallel: questions at once, at most 1024
+
+        >>> with campaign.ask_and_tell(parallel=4) as evaluations:     # doctest: +SKIP
+        ...     for request in evaluations:
+        ...         request.tell(depth=measure(request.design))
+        """
+        with contextlib.ExitStack() as stack:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="pitchline-"))
+            listener = stack.enter_context(socket.socket(socket.AF_UNIX))
+            address = os.path.join(folder, "socket")
+            listener.bind(address)
+            listener.listen(parallel)
+            bridge = Path(__file__).with_name("_bridge.py")
+            command = shlex.join(["exec", sys.executable, "-S", "-E", os.fspath(bridge), address])
+            running = stack.enter_context(
+                self._start(
+                    db,
+                    out=out,
+                    workers=parallel,
+                    command=command,
+                    further=["--exec-timeout", str(_PATIENCE)],
+                )
+            )
+            yield Evaluations(running, listener)
+
+    @contextlib.contextmanager
+    def _start(
+        self,
+        db: str | os.PathLike[str] | None,
+        *,
+        out: str | os.PathLike[str] | None,
+        workers: int | None,
+        command: str | None,
+        retry_failed: bool = False,
+        further: list[str] | None = None,
+    ) -> Iterator[_Running]:
+        """The campaign's program, which ends when the context does."""
+        store = Path(f"{self.name}.db" if db is None else db)
+        options = ["--db", os.fspath(store)]
+        if out is not None:
+            options += ["--out", os.fspath(out)]
+        if workers is not None:
+            options += ["--workers", str(workers)]
+        if command is not None:
+            options += ["--exec", command]
+        if retry_failed:
+            options.append("--retry-failed")
+        with self._path() as file, contextlib.ExitStack() as stack:
+            child = stack.enter_context(
+                process(
+                    [program("coordinator"), "run", os.fspath(file), *options, *(further or [])],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.PIPE,
+                )
+            )
+            yield _Running(child, store, lambda said: self._own_words(said, file))
+
+
+class _Running:
+    """A campaign that runs."""
+
+    def __init__(
+        self, child: subprocess.Popen[str], db: Path, own_words: Callable[[str], str]
+    ) -> None:
+        self.child = child
+        self.db = db
+        self._own_words = own_words
+        self._said: list[str] = []
+        self._listening = threading.Thread(target=self._listen, args=(child.stderr,), daemon=True)
+        self._listening.start()
+
+    def _listen(self, log: IO[str]) -> None:
+        for line in log:
+            logger.info("%s", line.rstrip())
+            self._said = [*self._said[-100:], line]
+
+    def status(self) -> dict[str, Any] | None:
+        """The status; ``None`` before the store is there."""
+        try:
+            found: dict[str, Any] = json.loads(_pitchline.Store(self.db).status())
+            return found
+        except _pitchline.PitchlineError:
+            return None
+
+    def end(self) -> Results:
+        """What the campaign found."""
+        self._listening.join()
+        code = self.child.wait()
+        if code == 0:
+            return Results(self.db)
+        raise _error(code, self._own_words("".join(self._said)), self.db)
+
+
+def _error(code: int, said: str, db: Path | None) -> CampaignError:
+    """The last error that a program printed, or its last warning."""
+    _, found, text = said.rpartition("error: ")
+    if not found:
+        lines = [line for line in said.splitlines() if " WARN " in line] or said.splitlines()[-1:]
+        text = lines[-1].rpartition(" WARN ")[2] if lines else f"the program ended with exit code {code}"
+    error = CampaignError(text.strip())
+    error.code = code
+    if db is not None:
+        with contextlib.suppress(_pitchline.PitchlineError):
+            error.results = Results(db)
+    return error
+
+
+@contextlib.contextmanager
+def _shown(progress: bool | Callable[[dict[str, Any]], object]) -> Iterator[Callable[[dict[str, Any] | None], None]]:
+    """A function that shows a status."""
+    if callable(progress):
+        yield lambda status: None if status is None else (progress(status), None)[1]
+        return
+    from tqdm.auto import tqdm
+
+    bar = tqdm(disable=not progress, bar_format="{desc:>9} |{bar}| {n_fmt}/{total_fmt} {postfix}")
+
+    def show(status: dict[str, Any] | None) -> None:
+        if status is None:
+            return
+        current = [stage for stage in status["stages"] if stage["state"] == "current"]
+        for stage in current:
+            bar.set_description_str(stage["name"], refresh=False)
+            bar.set_postfix_str(stage["of"], refresh=False)
+            bar.total, bar.n = stage["wanted"], stage["done"]
+        if status["finished"]:
+            bar.set_description_str("done", refresh=False)
+            bar.total = bar.n = status["samples"]["done"]
+            bar.set_postfix_str("samples", refresh=False)
+        bar.refresh()
+
+    try:
+        yield show
+    finally:
+        bar.close()
+
+
+class Request:
+    """A question of a campaign."""
+
+    def __init__(self, request: dict[str, Any], names: list[str]) -> None:
+        #: ``"sample"``, or ``"evaluate"`` for the numbers without random effects
+        self.kind: str = request["request"]
+        #: the values of the variables
+        self.design: dict[str, float] = request["design"]
+        #: the values of the random inputs that the campaign states
+        self.random: dict[str, float] = request.get("random", {})
+        #: of a sample whose random inputs the campaign does not state; else ``None``
+        self.seed: int | None = None
+        if "seed" in request:
+            self.seed = sum(word << (32 * place) for place, word in enumerate(request["seed"]))
+        #: the names of what is asked
+        self.responses = names
+        self._answer: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+
+    def tell(self, **responses: float) -> None:
+        """The answer: a number for each of :attr:`responses`."""
+        if sorted(responses) != sorted(self.responses):
+            raise _pitchline.PitchlineError(
+                f"{sorted(responses)} were told, it must be {sorted(self.responses)}"
+            )
+        self._answer.put({name: float(value) for name, value in responses.items()})
+
+    def refuse(self, reason: str) -> None:
+        """This design cannot be simulated, for this reason: a short name, a colon and a sentence."""
+        self._answer.put({"refused": reason})
+
+    def again(self, reason: str) -> None:
+        """Something failed that another attempt may cure."""
+        self._answer.put({"error": reason})
+
+    def __repr__(self) -> str:
+        return f"<Request {self.kind} {self.design}>"
+
+
+class Evaluations:
+    """The questions of a campaign; iterating yields them one after another until the campaign is finished."""
+
+    def __init__(self, running: _Running, listener: socket.socket) -> None:
+        self._running = running
+        self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
+        threading.Thread(target=self._end, daemon=True).start()
+        self._finished = False
+
+    def _accept(self, listener: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            while True:
+                end, _ = listener.accept()
+                threading.Thread(target=self._converse, args=(end,), daemon=True).start()
+
+    def _converse(self, end: socket.socket) -> None:
+        """Passes the questions of one worker on."""
+        sampled: list[str] = []
+        with contextlib.suppress(OSError), end, end.makefile("rw", encoding="utf-8") as lines:
+            for line in lines:
+                request = json.loads(line)
+                if request["request"] == "describe":
+                    sampled = request["sampled"]
+                    answer = {"protocol": request["protocol"]}
+                else:
+                    names = sampled if request["request"] == "sample" else request["responses"]
+                    asked = Request(request, names)
+                    if names:
+                        self._requests.put(asked)
+                        answer = asked._answer.get()
+                    else:
+                        answer = {}
+                # As in a simulator: null is no number.
+                text = json.dumps({**answer, "id": request["id"]}).replace("NaN", "null")
+                lines.write(text.replace("-Infinity", "null").replace("Infinity", "null") + "\n")
+                lines.flush()
+
+    def _end(self) -> None:
+        self._running.child.wait()
+        self._requests.put(None)
+
+    def ask(self, timeout: float | None = None) -> Request | None:
+        """The next question; waits for one, at most ``timeout`` seconds. ``None`` at the end of the campaign.
+
+        :raises queue.Empty: there was none in time
+        """
+        if self._finished:
+            return None
+        request = self._requests.get(timeout=timeout)
+        self._finished = request is None
+        return request
+
+    def __iter__(self) -> Iterator[Request]:
+        while (request := self.ask()) is not None:
+            yield request
+
+    def results(self) -> Results:
+        """What the campaign found, once it is finished.
+
+        :raises CampaignError: it did not end well
+        """
+        return self._running.end()
