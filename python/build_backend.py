@@ -1,4 +1,4 @@
-"""Builds the wheel: the module by maturin, and with it the programs `coordinator` and `worker`."""
+"""Builds the wheel: the module by maturin, and with it the programs, their man pages and completions."""
 
 from __future__ import annotations
 
@@ -17,17 +17,19 @@ PROGRAMS = ("coordinator", "worker")
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    packages = [argument for program in PROGRAMS for argument in ("--package", program)]
+    # All three at once: each alone would give some crates other features, and build them again.
+    packages = [f"--package={name}" for name in (*PROGRAMS, "pitchline-python")]
     subprocess.run(["cargo", "build", "--release", "--locked", *packages], cwd=HERE, check=True)
     built = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent / "target")) / "release"
-    scripts = HERE / "pitchline.data" / "scripts"
-    scripts.mkdir(parents=True, exist_ok=True)
+    data = HERE / "pitchline.data"
+    shutil.copytree(HERE.parent / "share", data / "data" / "share", dirs_exist_ok=True)
+    (data / "scripts").mkdir(exist_ok=True)
     for program in PROGRAMS:
-        shutil.copy2(built / program, scripts / program)
+        shutil.copy2(built / program, data / "scripts" / program)
     try:
         return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
     finally:
-        shutil.rmtree(scripts.parent)
+        shutil.rmtree(data)
 
 
 def build_sdist(sdist_directory, config_settings=None):

@@ -35,7 +35,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -159,7 +160,7 @@ class Campaign:
         """Runs the campaign with simulations that happen elsewhere: what it wants to know is asked, and told.
 
         Leaving the context before the end stops the campaign; the same call continues it, and asks again what was
-        not told. ``probe_designs = 0`` in ``[simulator]`` leaves out the questions that test a program.
+        not told, and what was told in the last second. ``probe_designs = 0`` in ``[simulator]`` leaves out the questions that test a program.
 
         :param parallel: questions at once, at most 1024
 
@@ -182,9 +183,14 @@ class Campaign:
                     workers=parallel,
                     command=command,
                     further=["--exec-timeout", str(_PATIENCE)],
+                    at_once=True,
                 )
             )
-            yield Evaluations(running, listener)
+            evaluations = Evaluations(running, listener)
+            try:
+                yield evaluations
+            finally:
+                evaluations._leave()
 
     @contextlib.contextmanager
     def _start(
@@ -195,7 +201,8 @@ class Campaign:
         workers: int | None,
         command: str | None,
         retry_failed: bool = False,
-        further: list[str] | None = None,
+        further: Sequence[str] = (),
+        at_once: bool = False,
     ) -> Iterator[_Running]:
         """The campaign's program, which ends when the context does."""
         store = Path(f"{self.name}.db" if db is None else db)
@@ -211,7 +218,8 @@ class Campaign:
         with self._path() as file, contextlib.ExitStack() as stack:
             child = stack.enter_context(
                 process(
-                    [program("coordinator"), "run", os.fspath(file), *options, *(further or [])],
+                    [program("coordinator"), "run", os.fspath(file), *options, *further],
+                    at_once=at_once,
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.PIPE,
@@ -234,9 +242,10 @@ class _Running:
         self._listening.start()
 
     def _listen(self, log: IO[str]) -> None:
-        for line in log:
-            logger.info("%s", line.rstrip())
-            self._said = [*self._said[-100:], line]
+        with log:
+            for line in log:
+                logger.info("%s", line.rstrip())
+                self._said = [*self._said[-100:], line]
 
     def status(self) -> dict[str, Any] | None:
         """The status; ``None`` before the store is there."""
@@ -275,7 +284,10 @@ def _shown(progress: bool | Callable[[dict[str, Any]], object]) -> Iterator[Call
     if callable(progress):
         yield lambda status: None if status is None else (progress(status), None)[1]
         return
-    from tqdm.auto import tqdm
+    with warnings.catch_warnings():
+        # Without ipywidgets it draws with characters, and says so.
+        warnings.simplefilter("ignore")
+        from tqdm.auto import tqdm
 
     bar = tqdm(disable=not progress, bar_format="{desc:>9} |{bar}| {n_fmt}/{total_fmt} {postfix}")
 
@@ -343,9 +355,10 @@ class Evaluations:
     def __init__(self, running: _Running, listener: socket.socket) -> None:
         self._running = running
         self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._finished = False
+        self._open: set[Request] = set()
         threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
         threading.Thread(target=self._end, daemon=True).start()
-        self._finished = False
 
     def _accept(self, listener: socket.socket) -> None:
         with contextlib.suppress(OSError):
@@ -366,14 +379,21 @@ class Evaluations:
                     names = sampled if request["request"] == "sample" else request["responses"]
                     asked = Request(request, names)
                     if names:
+                        self._open.add(asked)
                         self._requests.put(asked)
                         answer = asked._answer.get()
+                        self._open.discard(asked)
                     else:
                         answer = {}
                 # As in a simulator: null is no number.
                 text = json.dumps({**answer, "id": request["id"]}).replace("NaN", "null")
                 lines.write(text.replace("-Infinity", "null").replace("Infinity", "null") + "\n")
                 lines.flush()
+
+    def _leave(self) -> None:
+        """Ends all conversations: nobody will answer what is open."""
+        for request in list(self._open):
+            request.again("the answer was not awaited")
 
     def _end(self) -> None:
         self._running.child.wait()

@@ -180,7 +180,7 @@ class Designs:
     def from_unit(self, x: ArrayLike) -> Array:
         """The designs of points in the unit box, shape (n, d), such as those of :mod:`pitchline.doe`. Discrete
         variables take their values."""
-        return self._problem.from_unit(x)
+        return self._problem.at_unit(x)
 
     def evaluate(self, x: ArrayLike) -> Responses:
         """The deterministic responses of designs, shape (n, d)."""

@@ -13,7 +13,8 @@ A function takes the variables of a design by their names and gives its response
 One of the arguments says what is random:
 
 - ``rng``, a ``numpy.random.Generator``, or ``seed``, a whole number: everything random follows from it. It is ``None``
-  where the campaign asks for the deterministic responses, and for the response without random effects.
+  where the campaign asks for deterministic responses, or for the response without random effects. A campaign that asks
+  for neither calls the function once for each design before its samples, to see whether it can be simulated.
 - The random inputs that the campaign states, by their names: then the function itself has nothing random.
 
 It returns a number if the campaign has one response, or a dictionary from names to numbers, more of them than asked
@@ -81,7 +82,8 @@ class Simulator:
             self._sampled = request["sampled"]
             return {"protocol": request["protocol"], "version": "python"}
         arguments = {**request["design"], **request.get("random", {})}
-        seed = None
+        # Where no number is asked for, the question is only whether the design can be simulated: any seed will do.
+        seed = None if request.get("responses") else 0
         if "seed" in request:
             seed = sum(word << (32 * place) for place, word in enumerate(request["seed"]))
         if "seed" in self._names:
@@ -91,11 +93,9 @@ class Simulator:
         if not self._takes_all:
             arguments = {name: arguments[name] for name in self._names if name in arguments}
         wanted = self._sampled if kind == "sample" else request["responses"]
-        if not wanted:
-            return {}
         try:
             found = self.function(**arguments)
-            return self._numbers(found, wanted)
+            return self._numbers(found, wanted) if wanted else {}
         except Again as error:
             return {"error": str(error)}
         except Refused as error:
@@ -170,8 +170,11 @@ def work(
 
 
 @contextlib.contextmanager
-def process(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
-    """A program that ends in order when the context does: Ctrl-C is passed on once, and its end awaited."""
+def process(
+    command: list[str], *, at_once: bool = False, **options: Any
+) -> Iterator[subprocess.Popen[str]]:
+    """A program that ends in order when the context does: Ctrl-C is passed on, and the end of what it computes awaited;
+    ``at_once`` without waiting."""
     # A session of its own: Ctrl-C of the terminal would reach it as well, and a second one ends it at once.
     child = subprocess.Popen(command, start_new_session=True, text=True, **options)
     try:
@@ -180,6 +183,11 @@ def process(command: list[str], **options: Any) -> Iterator[subprocess.Popen[str
         if child.poll() is None:
             child.send_signal(signal.SIGINT)
             try:
+                if at_once:
+                    # A second Ctrl-C; the program must have seen the first one.
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        child.wait(0.2)
+                    child.send_signal(signal.SIGINT)
                 child.wait(60.0)
             except BaseException:
                 child.kill()

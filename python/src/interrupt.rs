@@ -1,7 +1,7 @@
-//! Long work that Ctrl-C ends.
+//! Work outside of the interpreter's lock, which Ctrl-C ends if it is long.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
@@ -23,6 +23,28 @@ impl Stopping {
     }
 }
 
+/// The process that has started the threads of this library; 0 before that.
+static STARTED: AtomicU32 = AtomicU32::new(0);
+
+/// Refuses a process that was forked from one with threads: it has none of them, and would wait for ever.
+fn refuse_forked() -> PyResult<()> {
+    let own = std::process::id();
+    let started = STARTED.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed);
+    if started.unwrap_or_else(|process| if process == own { 0 } else { process }) == 0 {
+        return Ok(());
+    }
+    Err(PyRuntimeError::new_err(
+        "this process was forked from one that had used pitchline, whose threads it lacks: start processes with \
+         multiprocessing.get_context(\"spawn\") or \"forkserver\"",
+    ))
+}
+
+/// The result of short `work`, without the interpreter's lock.
+pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+    refuse_forked()?;
+    Ok(py.detach(work))
+}
+
 /// The result of `work`, which another thread computes while this one, without the interpreter's lock, looks for
 /// signals. After one the exception of its handler is raised at once. The work is asked to end; what does not
 /// look at [`Stopping`] goes on to its end and is thrown away.
@@ -30,6 +52,7 @@ pub(crate) fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Stopping) -> T + Send + 'static,
 ) -> PyResult<T> {
+    refuse_forked()?;
     let stopping = Stopping::default();
     let (sender, mut receiver) = mpsc::channel();
     let of_thread = stopping.clone();

@@ -1,5 +1,7 @@
 //! Kriging models.
 
+use std::sync::Arc;
+
 use ::kriging::{Data, Error, FitOptions, Prediction, Response, Settings, Surrogate};
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
@@ -8,7 +10,7 @@ use serde::de::DeserializeOwned;
 
 use crate::arrays::{Matrix, Vector, numbers, rows, shape};
 use crate::error::{PitchlineError, raised};
-use crate::interrupt::interruptible;
+use crate::interrupt::{detached, interruptible};
 
 /// The value of an option with this name.
 fn option<T: DeserializeOwned>(key: &str, name: &str) -> PyResult<T> {
@@ -16,15 +18,34 @@ fn option<T: DeserializeOwned>(key: &str, name: &str) -> PyResult<T> {
         .map_err(|error| PitchlineError::new_err(format!("{key} is {name:?}: {error}")))
 }
 
+/// Correlations with observations that take a tenth of a second.
+const LONG: usize = 5_000_000;
+
 /// A fitted model.
 #[pyclass(module = "pitchline._pitchline", frozen)]
 pub(crate) struct Model {
-    model: Surrogate,
+    model: Arc<Surrogate>,
 }
 
 impl Model {
     pub(crate) fn new(model: Surrogate) -> Self {
-        Self { model }
+        Self {
+            model: Arc::new(model),
+        }
+    }
+
+    /// What `work` finds at `rows` points.
+    fn at<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        rows: usize,
+        work: impl FnOnce(&Surrogate) -> T + Send + 'static,
+    ) -> PyResult<T> {
+        if rows * self.model.points() < LONG {
+            return detached(py, || work(&self.model));
+        }
+        let model = Arc::clone(&self.model);
+        interruptible(py, move |_| work(&model))
     }
 
     /// The rows of `x`; an error unless they have as many coordinates as the model.
@@ -98,7 +119,9 @@ impl Model {
 
     fn means<'py>(&self, py: Python<'py>, x: Matrix<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let x = self.rows_of(&x)?;
-        let means = py.detach(|| self.model.means(&x)).map_err(raised)?;
+        let rows = x.len() / self.model.dimensions();
+        let means = self.at(py, rows, move |model| model.means(&x))?;
+        let means = means.map_err(raised)?;
         Ok(means.into_pyarray(py))
     }
 
@@ -108,7 +131,9 @@ impl Model {
         x: Matrix<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
         let x = self.rows_of(&x)?;
-        let predictions = py.detach(|| self.model.predict_many(&x)).map_err(raised)?;
+        let rows = x.len() / self.model.dimensions();
+        let predictions = self.at(py, rows, move |model| model.predict_many(&x))?;
+        let predictions = predictions.map_err(raised)?;
         let of = |part: fn(&Prediction) -> f64| {
             predictions
                 .iter()
@@ -183,7 +208,6 @@ impl Model {
     }
 
     /// Observations, residuals, standardised residuals, Q², root mean square, coverage of 90 % intervals.
-    #[expect(clippy::type_complexity, reason = "unpacked by name in Python")]
     fn leave_one_out<'py>(
         &self,
         py: Python<'py>,

@@ -139,7 +139,7 @@ impl Problem {
     }
 
     /// The designs of points in the unit box, discrete variables at their values.
-    fn from_unit<'py>(
+    fn at_unit<'py>(
         &self,
         py: Python<'py>,
         unit: Matrix<'py>,

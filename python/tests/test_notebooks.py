@@ -10,7 +10,7 @@ NOTEBOOKS = Path(__file__).resolve().parents[2] / "docs" / "notebooks"
 @pytest.mark.parametrize("file", sorted(NOTEBOOKS.glob("*.ipynb")), ids=lambda file: file.stem)
 def test_a_notebook_runs(file):
     notebook = nbformat.read(file, as_version=4)
-    client = nbclient.NotebookClient(notebook, timeout=600, resources={"metadata": {"path": file.parent}})
+    client = nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": file.parent}})
     client.execute()
     # Without outputs a change of a notebook can be read.
     assert all(not cell.get("outputs") for cell in nbformat.read(file, as_version=4).cells)

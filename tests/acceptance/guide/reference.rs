@@ -2,10 +2,11 @@
 //!
 //! Keys come from the JSON Schema of the types that the files are parsed into, columns from the programs and the
 //! store, exit codes from their table, and commands from `-h`. `PITCHLINE_WRITE_GUIDE=1` writes the pages and the
-//! schemas anew; meanings of columns, which no code holds, stay as they are on the page.
+//! files in `share/` anew; meanings of columns, which no code holds, stay as they are on the page.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 
 use acceptance::{FIGURE_7, Sandbox, assert_code, printed, root};
 use problem::Campaign;
@@ -333,22 +334,45 @@ fn the_keys_of_files_are_those_of_the_code() {
 }
 
 #[test]
-fn the_schemas_for_editors_are_those_of_the_code() {
-    for (name, schema) in [
-        ("campaign.schema.json", Campaign::schema()),
-        ("pair.schema.json", PairFile::schema()),
-    ] {
-        let path = pages().join(name);
-        let text = format!("{schema:#}\n");
-        if writes() {
-            std::fs::write(&path, text).expect("the schema can be written");
-        } else {
-            assert!(
-                read(&path) == text,
-                "{name} is not that of the code: PITCHLINE_WRITE_GUIDE=1 writes it anew"
-            );
+fn what_packages_share_is_what_the_program_writes() {
+    let sandbox = Sandbox::new();
+    let written = sandbox.path("share");
+    let share = root().join("share");
+    if writes() {
+        // Pages of commands that are gone do not stay.
+        let _ = std::fs::remove_dir_all(&share);
+    }
+    let to = if writes() { &share } else { &written };
+    let output = sandbox.coordinator(&["share", to.to_str().expect("a readable path")]);
+    assert_code(&output, 0);
+    if !writes() {
+        assert!(
+            files(&written) == files(&share),
+            "share/ is not what the program writes: PITCHLINE_WRITE_GUIDE=1 writes it anew"
+        );
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        let text = printed(&sandbox.coordinator(&["completions", shell]));
+        assert!(text.contains("undelivered"), "{shell}: options of the worker are missing");
+    }
+}
+
+/// The texts of all files in a folder by their paths in it.
+fn files(folder: &Path) -> BTreeMap<PathBuf, String> {
+    let mut found = BTreeMap::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(next) = folders.pop() {
+        for entry in std::fs::read_dir(&next).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(folder).expect("in the folder");
+                found.insert(name.to_owned(), read(&path));
+            }
         }
     }
+    found
 }
 
 /// The meanings on a page, by what a table is of and the name of the row.

@@ -61,13 +61,13 @@ pub(super) fn share(out: &Path) -> Result<u8, ProgramError> {
             write(place, &completed(shell, program.clone()))?;
         }
         let mut whole = program.disable_help_subcommand(true);
+        // Gives the commands their names, `coordinator-run` and so on.
         whole.build();
         let commands = whole.get_subcommands().filter(|one| !one.is_hide_set());
-        let pages = commands.map(|one| (format!("{name}-{}", one.get_name()), one.clone()));
-        for (name, page) in pages.chain([(name.clone(), whole.clone())]) {
+        for page in commands.chain([&whole]) {
+            let name = page.get_display_name().unwrap_or(&name);
             let mut text = Vec::new();
-            let page = page.name(name.clone()).version(env!("CARGO_PKG_VERSION"));
-            let rendered = clap_mangen::Man::new(page).render(&mut text);
+            let rendered = clap_mangen::Man::new(page.clone()).render(&mut text);
             rendered.map_err(|source| FileAccess::new("write", out, source))?;
             write(format!("man/man1/{name}.1"), &text)?;
         }
