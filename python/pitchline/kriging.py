@@ -157,6 +157,17 @@ class Kriging(RegressorMixin, BaseEstimator):
 
     def _points(self, X: ArrayLike) -> Array:
         check_is_fitted(self, "_model")
+        # The checks of scikit-learn take longer than a prediction.
+        if (
+            type(X) is np.ndarray
+            and X.dtype == np.float64
+            and X.ndim == 2
+            and X.shape[0] > 0
+            and X.shape[1] == self.n_features_in_
+            and not hasattr(self, "feature_names_in_")
+            and np.isfinite(X).all()
+        ):
+            return X
         return cast(Array, validate_data(self, X, dtype=np.float64, order="C", reset=False))
 
     def predict(

@@ -11,7 +11,7 @@ use stats::streams::{Purpose, stream};
 use studies::simulate::{self, Request, WearChoice};
 
 use crate::error::{PitchlineError, raised};
-use crate::interrupt::interruptible;
+use crate::interrupt::{detached, interruptible};
 
 /// Samples that are drawn one after another by one copy of the sampler.
 const RUN: usize = 64;
@@ -81,15 +81,15 @@ impl Pair {
         &self,
         py: Python<'py>,
         is_worn: bool,
-    ) -> (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>) {
-        let analysis = py.detach(|| match is_worn {
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let analysis = detached(py, || match is_worn {
             true => self.pair.archard(&self.file.wear).analysis,
             false => self.pair.unworn(),
-        });
-        (
+        })?;
+        Ok((
             analysis.phases.into_pyarray(py),
             analysis.ste_um.into_pyarray(py),
-        )
+        ))
     }
 
     /// ΔSTE of random pairs in µm, shape (samples, load cases).

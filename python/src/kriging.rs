@@ -113,8 +113,7 @@ impl Model {
             };
             Surrogate::fit(&data, &settings)
         })?;
-        let model = fitted.map_err(raised)?;
-        Ok(Self { model })
+        Ok(Self::new(fitted.map_err(raised)?))
     }
 
     fn means<'py>(&self, py: Python<'py>, x: Matrix<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
@@ -150,22 +149,21 @@ impl Model {
         py: Python<'py>,
         x: Matrix<'py>,
     ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
-        let Some(model) = self.model.exact() else {
-            return Ok(None);
-        };
         let [m, d] = shape(&x);
         let x = self.rows_of(&x)?;
-        let (means, covariance) = py.detach(|| {
+        let joint = self.at(py, m * m, move |model| {
+            let model = model.exact()?;
             let points: Vec<_> = x.par_chunks(d).map(|x| model.conditional(x)).collect();
             let row = |a| points.iter().map(move |b| (a, b));
             let pairs: Vec<_> = points.iter().flat_map(row).collect();
-            let covariance: Vec<f64> = pairs
-                .par_iter()
-                .map(|(a, b)| model.covariance(a, b))
-                .collect();
+            let pairs = pairs.par_iter();
+            let covariance: Vec<f64> = pairs.map(|(a, b)| model.covariance(a, b)).collect();
             let means: Vec<f64> = points.iter().map(|one| one.prediction.mean).collect();
-            (means, covariance)
-        });
+            Some((means, covariance))
+        })?;
+        let Some((means, covariance)) = joint else {
+            return Ok(None);
+        };
         let covariance = covariance.into_pyarray(py).reshape([m, m])?;
         Ok(Some((means.into_pyarray(py), covariance)))
     }
@@ -178,10 +176,11 @@ impl Model {
     ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let shape = shape(&x);
         let x = self.rows_of(&x)?;
-        let gradients: Option<Vec<Vec<f64>>> = py.detach(|| {
+        let gradients = self.at(py, shape[0], move |model| {
             let rows = x.par_chunks(shape[1]);
-            rows.map(|x| self.model.gradient(x)).collect()
-        });
+            rows.map(|x| model.gradient(x))
+                .collect::<Option<Vec<Vec<f64>>>>()
+        })?;
         gradients
             .map(|gradients| gradients.concat().into_pyarray(py).reshape(shape))
             .transpose()
@@ -211,23 +210,23 @@ impl Model {
     fn leave_one_out<'py>(
         &self,
         py: Python<'py>,
-    ) -> (
+    ) -> PyResult<(
         Bound<'py, PyArray1<usize>>,
         Bound<'py, PyArray1<f64>>,
         Bound<'py, PyArray1<f64>>,
         f64,
         f64,
         f64,
-    ) {
-        let found = py.detach(|| self.model.leave_one_out());
-        (
+    )> {
+        let found = self.at(py, self.model.points(), Surrogate::leave_one_out)?;
+        Ok((
             found.observations.into_pyarray(py),
             found.residuals.into_pyarray(py),
             found.standardised.into_pyarray(py),
             found.q2,
             found.rmse,
             found.coverage90,
-        )
+        ))
     }
 
     /// μ, σ², ranges, slopes and nugget.
@@ -282,7 +281,6 @@ impl Model {
 
     #[staticmethod]
     fn from_json(text: &str) -> PyResult<Self> {
-        let model = Surrogate::from_json(text).map_err(raised)?;
-        Ok(Self { model })
+        Ok(Self::new(Surrogate::from_json(text).map_err(raised)?))
     }
 }

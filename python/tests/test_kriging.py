@@ -1,4 +1,9 @@
 import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
 
 import numpy as np
 import pytest
@@ -140,3 +145,66 @@ def test_wrong_settings_are_named(table):
         Kriging().fit(x, y, noise_variance=-1.0)
     with pytest.raises(ValueError, match="choose one"):
         Kriging().fit(x, y).predict(x, return_std=True, return_cov=True)
+
+
+FORKED = """
+import os
+import numpy as np
+from pitchline.kriging import Kriging
+
+x = np.linspace(0.0, 1.0, 20)[:, None]
+model = Kriging().fit(x, x[:, 0])
+child = os.fork()
+if child == 0:
+    try:
+        model.predict(x)
+    except RuntimeError as error:
+        os._exit(7 if "forkserver" in str(error) else 8)
+    os._exit(9)
+raise SystemExit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+def test_a_forked_process_is_refused_in_words():
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", FORKED], timeout=60, check=False)
+    assert done.returncode == 7
+
+
+LONG = """
+import numpy as np
+from pitchline import doe
+from pitchline.kriging import Kriging
+
+x = doe.random(4000, 10)
+print("fitting", flush=True)
+Kriging().fit(x, np.sin(9.0 * x).sum(axis=1), noise_variance=1e-4)
+print("fitted", flush=True)
+"""
+
+
+def test_ctrl_c_ends_a_fit():
+    child = subprocess.Popen([sys.executable, "-c", LONG], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stdout.readline() == "fitting\n"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    out, said = child.communicate(timeout=60.0)
+    assert "KeyboardInterrupt" in said
+    assert out == ""
+
+
+def test_threads_of_python_run_while_rust_fits():
+    x = doe.random(1500, 6)
+    counted = 0
+    done = threading.Event()
+
+    def count():
+        nonlocal counted
+        while not done.wait(0.01):
+            counted += 1
+
+    counting = threading.Thread(target=count)
+    counting.start()
+    Kriging(starts=2).fit(x, np.sin(5.0 * x).sum(axis=1), noise_variance=1e-3)
+    done.set()
+    counting.join()
+    assert counted > 3

@@ -353,7 +353,10 @@ fn what_packages_share_is_what_the_program_writes() {
     }
     for shell in ["bash", "zsh", "fish"] {
         let text = printed(&sandbox.coordinator(&["completions", shell]));
-        assert!(text.contains("undelivered"), "{shell}: options of the worker are missing");
+        assert!(
+            text.contains("undelivered"),
+            "{shell}: options of the worker are missing"
+        );
     }
 }
 
