@@ -8,9 +8,9 @@ import subprocess
 from pathlib import Path
 
 import maturin
-from maturin import get_requires_for_build_wheel, prepare_metadata_for_build_wheel
+from maturin import get_requires_for_build_wheel
 
-__all__ = ["build_sdist", "build_wheel", "get_requires_for_build_wheel", "prepare_metadata_for_build_wheel"]
+__all__ = ["build_sdist", "build_wheel", "get_requires_for_build_wheel"]
 
 HERE = Path(__file__).resolve().parent
 PROGRAMS = ("coordinator", "worker")
