@@ -27,6 +27,7 @@ from types import ModuleType
 from pitchline._files import program
 from pitchline._pitchline import PitchlineError
 from pitchline.campaign import Campaign, CampaignError, Evaluations, Request
+from pitchline.remote import Coordinator
 from pitchline.results import Results, Table
 from pitchline.simulate import Again, Refused, Simulator, simulator, work
 
@@ -34,6 +35,7 @@ __all__ = [
     "Again",
     "Campaign",
     "CampaignError",
+    "Coordinator",
     "Evaluations",
     "PitchlineError",
     "Refused",

@@ -24,7 +24,7 @@ from pitchline import _pitchline
 if TYPE_CHECKING:
     from pitchline.kriging import Kriging
 
-__all__ = ["Report", "Results", "Run", "Table"]
+__all__ = ["Chart", "Report", "Results", "Run", "Table"]
 
 
 class Table:
@@ -97,12 +97,33 @@ class Run(NamedTuple):
     history: NDArray[np.float64]
 
 
+class Chart:
+    """A chart of a report; Jupyter shows it.
+
+    >>> Chart("<svg xmlns='http://www.w3.org/2000/svg'/>")._repr_svg_()[:4]
+    '<svg'
+    """
+
+    def __init__(self, svg: str) -> None:
+        #: the picture as the text of an SVG file
+        self.svg = svg
+
+    def _repr_svg_(self) -> str:
+        return self.svg
+
+
 class Report:
     """The report of a campaign in a folder; Jupyter shows it."""
 
     def __init__(self, page: Path) -> None:
         #: the page
         self.page = page
+
+    @property
+    def charts(self) -> dict[str, Chart]:
+        """The charts of the report by their names."""
+        files = sorted((self.page.parent / "charts").glob("*.svg"))
+        return {file.stem: Chart(file.read_text(encoding="utf-8")) for file in files}
 
     def __repr__(self) -> str:
         return f"<Report {self.page}>"

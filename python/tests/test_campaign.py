@@ -76,6 +76,8 @@ def test_jupyter_shows_status_tables_and_report(finished, tmp_path):
     report = finished.report(tmp_path / "report")
     assert report.page.exists()
     assert "<iframe" in report._repr_html_()
+    chart = report.charts["distribution-histogram"]
+    assert chart._repr_svg_().startswith("<svg")
 
 
 def test_the_same_call_goes_on_with_what_is_there(finished, tmp_path):
@@ -181,6 +183,34 @@ def test_a_wrong_answer_is_refused_where_it_is_told(tmp_path):
         request = evaluations.ask()
         with pytest.raises(pitchline.PitchlineError, match="it must be"):
             request.tell(height=1.0)
+
+
+def test_a_coordinator_elsewhere_is_asked_and_worked_for(tmp_path, finished):
+    access = tmp_path / "bowl.access"
+    near = {**BOWL, "name": "far"}
+    campaign = tmp_path / "far.toml"
+    campaign.write_text(pitchline.Campaign(near).text)
+    options = ["--db", tmp_path / "far.db", "--out", tmp_path / "report", "--access", access]
+    serve = [pitchline.program("coordinator"), "serve", campaign, "--listen", "127.0.0.1:0", *options]
+    with subprocess.Popen(serve, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+        try:
+            deadline = time.monotonic() + 60.0
+            while not access.exists() and time.monotonic() < deadline:
+                time.sleep(0.05)
+            far = pitchline.Coordinator(access)
+            assert far.status()["campaign"] == "far"
+            assert all(sentence[0].islower() and " " in sentence for sentence in far.explain())
+            assert "<table>" in far._repr_html_()
+            far.drain()
+            far.drain(resume=True)
+            far.retry()
+            pitchline.work(bowl, access=access, slots=2)
+            assert server.wait(60.0) == 0
+        finally:
+            server.kill()
+    assert pitchline.Results(tmp_path / "far.db").finished
+    with pytest.raises(pitchline.PitchlineError):
+        far.status()
 
 
 def test_arguments_are_passed_by_their_names():

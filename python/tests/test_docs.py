@@ -6,7 +6,7 @@ import pytest
 
 import pitchline
 
-MODULES = ["", ".campaign", ".cmaes", ".doe", ".gear", ".kriging", ".plots", ".results", ".simulate", ".stats"]
+MODULES = ["", ".campaign", ".cmaes", ".doe", ".gear", ".kriging", ".plots", ".remote", ".results", ".simulate", ".stats"]
 
 
 @pytest.mark.parametrize("name", MODULES)
