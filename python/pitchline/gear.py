@@ -61,8 +61,12 @@ class Pair:
     @classmethod
     def from_toml(cls, file: str | os.PathLike[str]) -> Pair:
         """The pair of a pair file, such as ``coordinator export --pair`` writes."""
+        return cls._of(Path(file).read_text(encoding="utf-8"), os.fspath(file))
+
+    @classmethod
+    def _of(cls, text: str, file: str = "the pair") -> Pair:
         pair = cls.__new__(cls)
-        pair._pair = _pitchline.Pair(os.fspath(file), Path(file).read_text(encoding="utf-8"))
+        pair._pair = _pitchline.Pair(file, text)
         return pair
 
     def to_toml(self) -> str:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pitchline import _pitchline
 
 if TYPE_CHECKING:
+    from pitchline.gear import Pair
     from pitchline.kriging import Kriging
 
 __all__ = ["Chart", "Report", "Results", "Run", "Table"]
@@ -200,6 +201,15 @@ class Results:
             Run(approach, start, np.array(history, dtype=float).reshape(-1, 2))
             for approach, start, history in self._store.runs()
         ]
+
+    def pair(self, approach: str | None = None) -> Pair:
+        """The pair of an optimum, of the recommended one if absent; of a campaign of gears."""
+        from pitchline.gear import Pair
+
+        approach = approach or self._store.recommended()
+        if approach is None:
+            raise _pitchline.PitchlineError("no optimum is feasible and verified: name an approach")
+        return Pair._of(self._store.pair(approach))
 
     @property
     def model(self) -> Kriging:

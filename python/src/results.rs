@@ -12,7 +12,8 @@ use ::results::optima::{Optima, VerifiedOptimum};
 use ::results::report::OptimiserRun;
 use ::results::snapshot::Snapshot;
 use ::results::table::Format;
-use ::results::{describing, export, model, report, snapshot, status};
+use ::results::{describing, export, model, pair_file, report, snapshot, status};
+use ::problem::Approach;
 use anyhow::Context as _;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
@@ -110,6 +111,17 @@ impl Store {
             let optima = Optima::read(store, &problem).await?;
             let best = optima.recommended();
             Ok(best.map(|best| problem.approach_name(best.optimum.approach).to_owned()))
+        })
+    }
+
+    /// The optimum of an approach as the text of a pair file.
+    fn pair(&self, py: Python<'_>, approach: String) -> PyResult<String> {
+        self.read(py, async move |store| {
+            let problem = snapshot::problem(store).await?;
+            let named = |one: &Approach| problem.approach_name(*one) == approach;
+            let found = Approach::ALL.into_iter().find(named);
+            let found = found.with_context(|| format!("there is no approach {approach:?}"))?;
+            Ok(pair_file::of_optimum(store, found).await?.to_toml())
         })
     }
 

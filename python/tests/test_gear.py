@@ -113,3 +113,14 @@ def test_a_campaign_can_be_a_dictionary():
         designs.evaluate([[0.0]])
     with pytest.raises(pitchline.PitchlineError, match='must be "gear"'):
         Designs(CAMPAIGNS / "ishigami/campaign.toml")
+
+
+def test_the_optimum_of_a_campaign_is_a_pair(tmp_path):
+    sections = tomllib.loads((CAMPAIGNS / "quick.toml").read_text(encoding="utf-8"))
+    campaign = pitchline.Campaign(sections)
+    results = campaign.run(tmp_path / "quick.db", out=tmp_path / "report", progress=False)
+    pair = results.pair()
+    assert pair.simulate()["feasible"]
+    assert list(pair.geometry["z"]) == list(results.pair("best-of-doe").geometry["z"])
+    with pytest.raises(pitchline.PitchlineError, match="there is no approach"):
+        results.pair("luck")
