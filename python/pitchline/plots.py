@@ -47,6 +47,10 @@ def convergence(found: Results | Minimum, axes: Axes | None = None) -> Axes:
             (line,) = axes.step(*run.history.T, where="post", label=label, color=colours.get(run.approach))
             colours[run.approach] = line.get_color()
         axes.legend()
+    # The first evaluations are by far the worst.
+    axes.set_xscale("log")
+    if all(np.all(np.asarray(line.get_ydata(), dtype=float) > 0.0) for line in axes.get_lines()):
+        axes.set_yscale("log")
     axes.set_xlabel("evaluations")
     axes.set_ylabel("best objective so far")
     return axes
@@ -80,7 +84,7 @@ def slices(
         axes.plot(line[:, j], model.predict(line))
         axes.axvline(at[j], color="grey", linewidth=0.8, linestyle=":")
         axes.set_xlabel(names[j])
-    panels[0, 0].set_ylabel(f"prediction, {probability:.0%} intervals")
+    panels[0, 0].set_ylabel(f"prediction, {100.0 * probability:g} % intervals")
     return figure
 
 
@@ -107,7 +111,7 @@ def parallel_coordinates(results: Results, *, best: float = 0.1, axes: Axes | No
         )
     axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
     axes.set_yticks([0.0, 1.0], ["lowest", "highest"])
-    axes.set_title(f"best {best:.0%} by {responses.columns[3]}")
+    axes.set_title(f"best {100.0 * best:g} % by {responses.columns[3]}")
     return axes
 
 
@@ -118,17 +122,15 @@ def verification(results: Results, axes: Axes | None = None) -> Axes:
         if len(samples) > 0:
             axes.ecdf(samples, label=name)
     axes.axhline(0.9, color="grey", linewidth=0.8, linestyle=":")
-    axes.set_xlabel(", ".join(filter(None, [results.status["measure"], results.status["unit"]])) + " of: samples")
+    unit = results.status["unit"]
+    axes.set_xlabel(f"verification samples, {unit}" if unit else "verification samples")
     axes.set_ylabel("share of the samples")
     axes.legend()
     return axes
 
 
 def transmission_error(pair: Pair, axes: Axes | None = None) -> Axes:
-    """The transmission error of a pair, new and with Archard's wear.
-
-    >>> from pitchline.gear import Pair
-    """
+    """The transmission error of a pair, new and with Archard's wear."""
     axes = _axes(axes)
     for worn, label in [(False, "new"), (True, "worn")]:
         curve = pair.transmission_error(worn=worn)

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use ::problem::Campaign;
 use ::problem::formulation::{Design, Problem as Formulation, State};
 use ::problem::simulator::{NoAnswer, PreparedDesign, Simulator as _};
+use ::problem::{Campaign, Quantity};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -59,6 +59,12 @@ fn of_each(
     let found: Result<Vec<_>, String> = designs.par_iter().enumerate().map(one).collect();
     let (values, reasons): (Vec<Vec<f64>>, Vec<_>) = found?.into_iter().unzip();
     Ok((values.concat(), reasons))
+}
+
+fn named(quantities: &[Quantity]) -> Vec<Named> {
+    let all = quantities.iter().map(::results::modelling::Quantity::of);
+    all.map(|one| (one.name, one.unit.unwrap_or_default()))
+        .collect()
 }
 
 impl Problem {
@@ -126,9 +132,7 @@ impl Problem {
 
     /// Names and units of the free variables, in the order of a design's columns.
     fn variables(&self) -> Vec<Named> {
-        let all = self.0.coordinates().iter();
-        all.map(|one| (one.name.to_string(), one.unit.to_string()))
-            .collect()
+        named(self.0.coordinates())
     }
 
     /// Lowest and highest values of the free variables, shape (d, 2).
@@ -153,16 +157,12 @@ impl Problem {
 
     /// Names and units of the deterministic responses.
     fn responses(&self) -> Vec<Named> {
-        let all = self.0.responses().iter();
-        all.map(|one| (one.name.to_string(), one.unit.to_string()))
-            .collect()
+        named(self.0.responses())
     }
 
     /// Names and units of the sampled responses.
     fn sampled(&self) -> Vec<Named> {
-        let all = self.0.sampled().iter();
-        all.map(|one| (one.name.to_string(), one.unit.to_string()))
-            .collect()
+        named(self.0.sampled())
     }
 
     /// The deterministic responses of designs, shape (n, responses), and why a design has none.

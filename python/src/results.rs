@@ -6,6 +6,7 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use ::problem::Approach;
 use ::results::cell::Column;
 use ::results::columnar::{Columns, Values};
 use ::results::optima::{Optima, VerifiedOptimum};
@@ -13,7 +14,6 @@ use ::results::report::OptimiserRun;
 use ::results::snapshot::Snapshot;
 use ::results::table::Format;
 use ::results::{describing, export, model, pair_file, report, snapshot, status};
-use ::problem::Approach;
 use anyhow::Context as _;
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{

@@ -109,6 +109,7 @@ def test_a_campaign_can_be_a_dictionary():
     designs = Designs(sections)
     assert len(designs.variables) == len(designs.bounds)
     assert [-0.05, 0.55] in designs.bounds.tolist()
+    assert designs.variables["tip_relief_p_um"] == "µm"
     with pytest.raises(pitchline.PitchlineError, match="must have"):
         designs.evaluate([[0.0]])
     with pytest.raises(pitchline.PitchlineError, match='must be "gear"'):

@@ -125,14 +125,8 @@ impl<'a, W: Write + Send> Destination<'a, W> {
 
 /// A column of a variable, a response or a criterion.
 fn quantity(quantity: &Quantity) -> Column {
-    let unit = match &*quantity.unit {
-        // The names of a gear's variables end in their unit.
-        "" => modelling::Quantity::new(&quantity.name)
-            .unit
-            .unwrap_or_default(),
-        unit => unit.to_owned(),
-    };
-    Column::number(&*quantity.name).in_unit(unit)
+    let modelling::Quantity { name, unit } = modelling::Quantity::of(quantity);
+    Column::number(name).in_unit(unit.unwrap_or_default())
 }
 
 /// Columns of the variables that the DoE moves.

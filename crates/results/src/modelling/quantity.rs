@@ -36,6 +36,18 @@ impl Quantity {
         }
     }
 
+    /// A quantity of a problem: of gears, the names of the variables end in their unit.
+    #[must_use]
+    pub fn of(quantity: &problem::Quantity) -> Self {
+        match &*quantity.unit {
+            "" => Self::new(&quantity.name),
+            unit => Self {
+                name: quantity.name.to_string(),
+                unit: Some(unit.to_owned()),
+            },
+        }
+    }
+
     /// The unit with a space before it; empty if there is none.
     #[must_use]
     pub fn spaced_unit(&self) -> String {
