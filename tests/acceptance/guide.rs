@@ -325,6 +325,7 @@ pages_run! {
     machines "machines.md"
     models "models.md"
     paper "paper.md"
+    python "python.md"
     report "report.md"
     robust "robust.md"
     security "security.md"
