@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
+use ::problem::Campaign;
 use ::problem::formulation::{Design, Problem as Formulation, State};
 use ::problem::simulator::{NoAnswer, PreparedDesign, Simulator as _};
-use ::problem::{Campaign, Quantity};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -61,10 +61,9 @@ fn of_each(
     Ok((values.concat(), reasons))
 }
 
-fn named(quantities: &[Quantity]) -> Vec<Named> {
-    let all = quantities.iter().map(::results::modelling::Quantity::of);
-    all.map(|one| (one.name, one.unit.unwrap_or_default()))
-        .collect()
+fn named(name: &str, unit: &str) -> Named {
+    let quantity = ::results::modelling::Quantity::of_problem(name, unit);
+    (quantity.name, quantity.unit.unwrap_or_default())
 }
 
 impl Problem {
@@ -132,7 +131,8 @@ impl Problem {
 
     /// Names and units of the free variables, in the order of a design's columns.
     fn variables(&self) -> Vec<Named> {
-        named(self.0.coordinates())
+        let all = self.0.coordinates().iter();
+        all.map(|one| named(&one.name, &one.unit)).collect()
     }
 
     /// Lowest and highest values of the free variables, shape (d, 2).
@@ -157,12 +157,14 @@ impl Problem {
 
     /// Names and units of the deterministic responses.
     fn responses(&self) -> Vec<Named> {
-        named(self.0.responses())
+        let all = self.0.responses().iter();
+        all.map(|one| named(&one.name, &one.unit)).collect()
     }
 
     /// Names and units of the sampled responses.
     fn sampled(&self) -> Vec<Named> {
-        named(self.0.sampled())
+        let all = self.0.sampled().iter();
+        all.map(|one| named(&one.name, &one.unit)).collect()
     }
 
     /// The deterministic responses of designs, shape (n, responses), and why a design has none.

@@ -125,7 +125,8 @@ impl<'a, W: Write + Send> Destination<'a, W> {
 
 /// A column of a variable, a response or a criterion.
 fn quantity(quantity: &Quantity) -> Column {
-    let modelling::Quantity { name, unit } = modelling::Quantity::of(quantity);
+    let quantity = modelling::Quantity::of_problem(&quantity.name, &quantity.unit);
+    let modelling::Quantity { name, unit } = quantity;
     Column::number(name).in_unit(unit.unwrap_or_default())
 }
 

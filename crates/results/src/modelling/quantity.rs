@@ -36,13 +36,13 @@ impl Quantity {
         }
     }
 
-    /// A quantity of a problem: of gears, the names of the variables end in their unit.
+    /// A quantity of a problem. Of gears, the names of the variables end in their unit, and `unit` is empty.
     #[must_use]
-    pub fn of(quantity: &problem::Quantity) -> Self {
-        match &*quantity.unit {
-            "" => Self::new(&quantity.name),
+    pub fn of_problem(name: &str, unit: &str) -> Self {
+        match unit {
+            "" => Self::new(name),
             unit => Self {
-                name: quantity.name.to_string(),
+                name: name.to_owned(),
                 unit: Some(unit.to_owned()),
             },
         }
