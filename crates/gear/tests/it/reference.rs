@@ -198,6 +198,8 @@ fn quantity(pair: &Pair, case: &Value, symbol: &str) -> f64 {
         "Z_eps" => rating.z_epsilon,
         "Z_B" => rating.z_single[0],
         "sigma_H0" => rating.contact_stress_mpa,
+        "sigma_H0_over_Z_eps" => rating.contact_stress_mpa / rating.z_epsilon,
+        "sigma_nominal1" => stress[0].nominal_mpa,
         "c_th" => rating.stiffness.theoretical,
         "c_prime" => rating.stiffness.single,
         "c_gamma_alpha" => rating.stiffness.mesh_alpha,
