@@ -37,19 +37,20 @@ import tempfile
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import IO, Any
 
 from pitchline import _pitchline
 from pitchline._files import program, toml_of
 from pitchline.results import Results
-from pitchline.simulate import Simulator, process
+from pitchline.simulate import Simulator, number, process, reason, seed_of
 
 __all__ = ["Campaign", "CampaignError", "Evaluations", "Request"]
 
 logger = logging.getLogger("pitchline")
 
-#: A sequence of seconds between two looks at the store.
+#: Seconds between two looks at the store.
 _LOOK = 0.3
 #: Seconds that an answer from elsewhere may take: a year.
 _PATIENCE = 365 * 24 * 3600
@@ -72,7 +73,10 @@ class Campaign:
     """
 
     def __init__(
-        self, campaign: str | os.PathLike[str] | dict[str, Any], *, simulator: Simulator | None = None
+        self,
+        campaign: str | os.PathLike[str] | dict[str, Any],
+        *,
+        simulator: Simulator | Callable[..., Any] | None = None,
     ) -> None:
         if isinstance(campaign, dict):
             self._file = None
@@ -82,6 +86,8 @@ class Campaign:
             self._file = Path(campaign)
             self.text = self._file.read_text(encoding="utf-8")
             self.name = _pitchline.name_of(os.fspath(campaign), self.text)
+        if simulator is not None and not isinstance(simulator, Simulator):
+            simulator = Simulator(simulator)
         self.simulator = simulator
 
     def __repr__(self) -> str:
@@ -112,8 +118,8 @@ class Campaign:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             if done.returncode != 0:
                 raise _error(done.returncode, self._own_words(done.stderr, file), None)
-        found: dict[str, Any] = json.loads(done.stdout)
-        return found
+            found: dict[str, Any] = json.loads(self._own_words(done.stdout, file))
+            return found
 
     def run(
         self,
@@ -160,7 +166,8 @@ class Campaign:
         """Runs the campaign with simulations that happen elsewhere: what it wants to know is asked, and told.
 
         Leaving the context before the end stops the campaign; the same call continues it, and asks again what was
-        not told, and what was told in the last second. ``probe_designs = 0`` in ``[simulator]`` leaves out the questions that test a program.
+        not told, and what was told in the last second. ``probe_designs = 0`` in ``[simulator]`` leaves out the questions
+        that test a program.
 
         :param parallel: questions at once, at most 1024
 
@@ -282,7 +289,12 @@ def _error(code: int, said: str, db: Path | None) -> CampaignError:
 def _shown(progress: bool | Callable[[dict[str, Any]], object]) -> Iterator[Callable[[dict[str, Any] | None], None]]:
     """A function that shows a status."""
     if callable(progress):
-        yield lambda status: None if status is None else (progress(status), None)[1]
+
+        def tell(status: dict[str, Any] | None) -> None:
+            if status is not None:
+                progress(status)
+
+        yield tell
         return
     with warnings.catch_warnings():
         # Without ipywidgets it draws with characters, and says so.
@@ -322,41 +334,46 @@ class Request:
         #: the values of the random inputs that the campaign states
         self.random: dict[str, float] = request.get("random", {})
         #: of a sample whose random inputs the campaign does not state; else ``None``
-        self.seed: int | None = None
-        if "seed" in request:
-            self.seed = sum(word << (32 * place) for place, word in enumerate(request["seed"]))
+        self.seed = seed_of(request)
         #: the names of what is asked
         self.responses = names
-        self._answer: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
+        self._told: Future[dict[str, Any]] = Future()
 
     def tell(self, **responses: float) -> None:
-        """The answer: a number for each of :attr:`responses`."""
+        """The answer: a number for each of :attr:`responses`; NaN says that there is none."""
         if sorted(responses) != sorted(self.responses):
             raise _pitchline.PitchlineError(
                 f"{sorted(responses)} were told, it must be {sorted(self.responses)}"
             )
-        self._answer.put({name: float(value) for name, value in responses.items()})
+        self._answer({name: number(value) for name, value in responses.items()})
 
-    def refuse(self, reason: str) -> None:
-        """This design cannot be simulated, for this reason: a short name, a colon and a sentence."""
-        self._answer.put({"refused": reason})
+    def refuse(self, text: str) -> None:
+        """This design cannot be simulated; the text is as of :class:`pitchline.Refused`."""
+        self._answer({"refused": reason("refused", text)})
 
-    def again(self, reason: str) -> None:
+    def again(self, text: str) -> None:
         """Something failed that another attempt may cure."""
-        self._answer.put({"error": reason})
+        self._answer({"error": text})
+
+    def _answer(self, answer: dict[str, Any]) -> None:
+        if self._told.done():
+            raise _pitchline.PitchlineError(f"{self} is answered already")
+        self._told.set_result(answer)
 
     def __repr__(self) -> str:
         return f"<Request {self.kind} {self.design}>"
 
 
 class Evaluations:
-    """The questions of a campaign; iterating yields them one after another until the campaign is finished."""
+    """The questions of a campaign; iterating yields them one after another until the campaign is finished. What workers
+    ask again is answered as before."""
 
     def __init__(self, running: _Running, listener: socket.socket) -> None:
         self._running = running
         self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
         self._finished = False
-        self._open: set[Request] = set()
+        self._lock = threading.Lock()
+        self._asked: dict[str, Request] = {}
         threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
         threading.Thread(target=self._end, daemon=True).start()
 
@@ -377,23 +394,31 @@ class Evaluations:
                     answer = {"protocol": request["protocol"]}
                 else:
                     names = sampled if request["request"] == "sample" else request["responses"]
-                    asked = Request(request, names)
-                    if names:
-                        self._open.add(asked)
-                        self._requests.put(asked)
-                        answer = asked._answer.get()
-                        self._open.discard(asked)
-                    else:
-                        answer = {}
-                # As in a simulator: null is no number.
-                text = json.dumps({**answer, "id": request["id"]}).replace("NaN", "null")
-                lines.write(text.replace("-Infinity", "null").replace("Infinity", "null") + "\n")
+                    answer = self._answer(request, names) if names else {}
+                lines.write(json.dumps({**answer, "id": request["id"]}, allow_nan=False) + "\n")
                 lines.flush()
+
+    def _answer(self, request: dict[str, Any], names: list[str]) -> dict[str, Any]:
+        """What is told of a request."""
+        key = json.dumps({name: value for name, value in request.items() if name != "id"}, sort_keys=True)
+        with self._lock:
+            asked = self._asked.get(key)
+            if asked is None:
+                asked = self._asked[key] = Request(request, names)
+                self._requests.put(asked)
+        answer = asked._told.result()
+        if "error" in answer:
+            with self._lock:
+                self._asked.pop(key, None)
+        return answer
 
     def _leave(self) -> None:
         """Ends all conversations: nobody will answer what is open."""
-        for request in list(self._open):
-            request.again("the answer was not awaited")
+        with self._lock:
+            asked = list(self._asked.values())
+        for request in asked:
+            if not request._told.done():
+                request.again("the answer was not awaited")
 
     def _end(self) -> None:
         self._running.child.wait()

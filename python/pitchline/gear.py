@@ -167,6 +167,11 @@ class Designs:
         return dict(self._problem.variables())
 
     @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about the campaign file, in sentences."""
+        return self._problem.warnings()
+
+    @property
     def bounds(self) -> Array:
         """Lowest and highest values of the variables, shape (d, 2)."""
         return self._problem.bounds()

@@ -83,9 +83,9 @@ class Simulator:
             return {"protocol": request["protocol"], "version": "python"}
         arguments = {**request["design"], **request.get("random", {})}
         # Where no number is asked for, the question is only whether the design can be simulated: any seed will do.
-        seed = None if request.get("responses") else 0
-        if "seed" in request:
-            seed = sum(word << (32 * place) for place, word in enumerate(request["seed"]))
+        seed = seed_of(request)
+        if seed is None and not request.get("responses"):
+            seed = 0
         if "seed" in self._names:
             arguments["seed"] = seed
         if "rng" in self._names:
@@ -99,9 +99,9 @@ class Simulator:
         except Again as error:
             return {"error": str(error)}
         except Refused as error:
-            return {"refused": _reason("refused", str(error))}
+            return {"refused": reason("refused", str(error))}
         except Exception as error:  # noqa: BLE001 -- any exception of the user's function is a refusal
-            return {"refused": _reason(_kebab(type(error).__name__), str(error) or "no text")}
+            return {"refused": reason(_kebab(type(error).__name__), str(error) or "no text")}
 
     def _numbers(self, found: Any, wanted: list[str]) -> dict[str, Any]:
         if not isinstance(found, dict):
@@ -111,9 +111,7 @@ class Simulator:
         missing = [name for name in wanted if name not in found]
         if missing:
             raise TypeError(f"the simulator returned {sorted(found)}, without {missing}")
-        numbers = {name: float(found[name]) for name in wanted}
-        # JSON has no NaN; null says the same.
-        return {name: number if math.isfinite(number) else None for name, number in numbers.items()}
+        return {name: number(found[name]) for name in wanted}
 
     @contextlib.contextmanager
     def command(self) -> Iterator[str]:
@@ -129,7 +127,21 @@ def _kebab(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()).strip("-")
 
 
-def _reason(name: str, text: str) -> str:
+def seed_of(request: dict[str, Any]) -> int | None:
+    """The seed of a request as one number; ``None`` without one."""
+    if "seed" not in request:
+        return None
+    words: list[int] = request["seed"]
+    return sum(word << (32 * place) for place, word in enumerate(words))
+
+
+def number(value: Any) -> float | None:
+    """A number of an answer: ``None``, which says the same, for NaN and infinity, which JSON does not have."""
+    value = float(value)
+    return value if math.isfinite(value) else None
+
+
+def reason(name: str, text: str) -> str:
     """A reason in the form that campaigns count by name: a short name, a colon and a sentence."""
     text = " ".join(text.split())
     return text if re.match(r"[a-z0-9-]+: \S", text) else f"{name}: {text}"

@@ -29,14 +29,13 @@ static STARTED: AtomicU32 = AtomicU32::new(0);
 /// Refuses a process that was forked from one with threads: it has none of them, and would wait for ever.
 fn refuse_forked() -> PyResult<()> {
     let own = std::process::id();
-    let started = STARTED.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed);
-    if started.unwrap_or_else(|process| if process == own { 0 } else { process }) == 0 {
-        return Ok(());
+    match STARTED.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed) {
+        Err(other) if other != own => Err(PyRuntimeError::new_err(
+            "this process was forked from one that had used pitchline, whose threads it lacks: start processes with \
+             multiprocessing.get_context(\"spawn\") or \"forkserver\"",
+        )),
+        _ => Ok(()),
     }
-    Err(PyRuntimeError::new_err(
-        "this process was forked from one that had used pitchline, whose threads it lacks: start processes with \
-         multiprocessing.get_context(\"spawn\") or \"forkserver\"",
-    ))
 }
 
 /// The result of short `work`, without the interpreter's lock.

@@ -34,33 +34,30 @@ impl Model {
         }
     }
 
-    /// What `work` finds at `rows` points.
+    /// What `work` finds at the rows of `x`, for each of which it computes `times` predictions; an error unless they have
+    /// as many coordinates as the model. Long work has a copy of the rows, since it goes on for a while after Ctrl-C.
     fn at<T: Send + 'static>(
         &self,
         py: Python<'_>,
-        rows: usize,
-        work: impl FnOnce(&Surrogate) -> T + Send + 'static,
+        x: &Matrix<'_>,
+        times: usize,
+        work: impl FnOnce(&Surrogate, &[f64]) -> T + Send + 'static,
     ) -> PyResult<T> {
-        if rows * self.model.points() < LONG {
-            return detached(py, || work(&self.model));
-        }
-        let model = Arc::clone(&self.model);
-        interruptible(py, move |_| work(&model))
-    }
-
-    /// The rows of `x`; an error unless they have as many coordinates as the model.
-    fn rows_of(&self, x: &Matrix<'_>) -> PyResult<Vec<f64>> {
-        let ([_, got], expected) = (shape(x), self.model.dimensions());
-        if got == expected {
-            Ok(rows(x).into_owned())
-        } else {
+        let ([count, got], expected) = (shape(x), self.model.dimensions());
+        if got != expected {
             let what = "a row of x";
-            Err(raised(Error::Shape {
+            return Err(raised(Error::Shape {
                 what,
                 expected,
                 got,
-            }))
+            }));
         }
+        let x = rows(x);
+        if count * times * self.model.points() < LONG {
+            return detached(py, || work(&self.model, &x));
+        }
+        let (model, x) = (Arc::clone(&self.model), x.into_owned());
+        interruptible(py, move |_| work(&model, &x))
     }
 }
 
@@ -117,11 +114,8 @@ impl Model {
     }
 
     fn means<'py>(&self, py: Python<'py>, x: Matrix<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let x = self.rows_of(&x)?;
-        let rows = x.len() / self.model.dimensions();
-        let means = self.at(py, rows, move |model| model.means(&x))?;
-        let means = means.map_err(raised)?;
-        Ok(means.into_pyarray(py))
+        let means = self.at(py, &x, 1, Surrogate::means)?;
+        Ok(means.map_err(raised)?.into_pyarray(py))
     }
 
     fn predict<'py>(
@@ -129,9 +123,7 @@ impl Model {
         py: Python<'py>,
         x: Matrix<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
-        let x = self.rows_of(&x)?;
-        let rows = x.len() / self.model.dimensions();
-        let predictions = self.at(py, rows, move |model| model.predict_many(&x))?;
+        let predictions = self.at(py, &x, 1, Surrogate::predict_many)?;
         let predictions = predictions.map_err(raised)?;
         let of = |part: fn(&Prediction) -> f64| {
             predictions
@@ -150,8 +142,7 @@ impl Model {
         x: Matrix<'py>,
     ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)>> {
         let [m, d] = shape(&x);
-        let x = self.rows_of(&x)?;
-        let joint = self.at(py, m * m, move |model| {
+        let joint = self.at(py, &x, m, move |model, x| {
             let model = model.exact()?;
             let points: Vec<_> = x.par_chunks(d).map(|x| model.conditional(x)).collect();
             let row = |a| points.iter().map(move |b| (a, b));
@@ -175,8 +166,7 @@ impl Model {
         x: Matrix<'py>,
     ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let shape = shape(&x);
-        let x = self.rows_of(&x)?;
-        let gradients = self.at(py, shape[0], move |model| {
+        let gradients = self.at(py, &x, 1, move |model, x| {
             let rows = x.par_chunks(shape[1]);
             rows.map(|x| model.gradient(x))
                 .collect::<Option<Vec<Vec<f64>>>>()
@@ -218,7 +208,8 @@ impl Model {
         f64,
         f64,
     )> {
-        let found = self.at(py, self.model.points(), Surrogate::leave_one_out)?;
+        let model = Arc::clone(&self.model);
+        let found = interruptible(py, move |_| model.leave_one_out())?;
         Ok((
             found.observations.into_pyarray(py),
             found.residuals.into_pyarray(py),

@@ -6,7 +6,6 @@ use ::problem::Campaign;
 use ::problem::formulation::{Design, Problem as Formulation, State};
 use ::problem::simulator::{NoAnswer, PreparedDesign, Simulator as _};
 use numpy::{IntoPyArray as _, PyArray2, PyArray3, PyArrayMethods as _};
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
@@ -48,7 +47,8 @@ fn of_each(
 ) -> Result<Found, String> {
     let one = |(index, design): (usize, &Design)| {
         if stopping.is_asked() {
-            return Err(String::new());
+            // Nobody waits for the result any more.
+            return Ok((Vec::new(), None));
         }
         match problem.prepare(design).and_then(|one| numbers(index, one)) {
             Ok(values) => Ok((values, None)),
@@ -103,10 +103,7 @@ impl Problem {
             let numbers = |index, one: Box<dyn PreparedDesign + '_>| numbers(&problem, index, one);
             of_each(&problem, &designs, width, stopping, numbers)
         })?;
-        found.map_err(|error| match error.as_str() {
-            "" => PyKeyboardInterrupt::new_err(()),
-            error => PitchlineError::new_err(error.to_owned()),
-        })
+        found.map_err(PitchlineError::new_err)
     }
 }
 

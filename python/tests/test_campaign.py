@@ -99,7 +99,8 @@ def test_wrong_campaigns_are_explained_and_nothing_is_left(tmp_path):
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(pitchline.CampaignError, match="designs"):
         campaign.check()
-    assert pitchline.Campaign(BOWL).check()["campaign"] == "bowl"
+    checked = pitchline.Campaign(BOWL, simulator=lambda x, y, rng: x).check()
+    assert (checked["campaign"], checked["file"]) == ("bowl", "the campaign")
     with pytest.raises(pitchline.PitchlineError, match="no store|there is no"):
         pitchline.Results(tmp_path / "none.db")
 
@@ -183,6 +184,35 @@ def test_a_wrong_answer_is_refused_where_it_is_told(tmp_path):
         request = evaluations.ask()
         with pytest.raises(pitchline.PitchlineError, match="it must be"):
             request.tell(height=1.0)
+
+
+def test_an_answer_may_have_no_number_or_a_reason(tmp_path):
+    few = {**BOWL, "doe": {"designs": 4}, "sampling": {"samples_per_design": 4}, "simulator": {"probe_designs": 0}}
+    few["constraints"] = [{"name": "length", "max": 10.0}]
+    asked = set()
+    with pitchline.Campaign(few).ask_and_tell(tmp_path / "a.db", parallel=2, out=tmp_path / "report") as evaluations:
+        for request in evaluations:
+            question = (request.kind, request.design["x"], request.design["y"], request.seed)
+            assert question not in asked
+            asked.add(question)
+            if request.kind == "sample":
+                request.tell(depth=float("nan"))
+            elif request.design["x"] < -1.0:
+                request.refuse("the sea reached Infinity")
+            elif request.design["x"] > 1.0:
+                request.refuse("gap: NaN")
+            else:
+                request.tell(length=1.0)
+            with pytest.raises(pitchline.PitchlineError, match="answered already"):
+                request.again("no licence")
+        with pytest.raises(pitchline.CampaignError) as error:
+            evaluations.results()
+    designs = error.value.results.table("designs")
+    assert set(designs["reason"]) == {"refused: the sea reached Infinity", "gap: NaN", ""}
+    assert len(error.value.results.table("failures")) == 0
+    samples = error.value.results.table("samples")["depth"]
+    assert len(samples) > 0
+    assert np.isinf(samples).all()
 
 
 def test_a_coordinator_elsewhere_is_asked_and_worked_for(tmp_path, finished):

@@ -31,10 +31,8 @@ impl Columns {
 
     /// Adds a row, which fits the columns.
     pub(crate) fn push(&mut self, row: &[Cell]) -> anyhow::Result<()> {
-        let values = self.values.iter_mut().zip(row);
-        values
-            .into_iter()
-            .try_for_each(|(values, cell)| values.push(cell))
+        let mut cells = self.values.iter_mut().zip(row);
+        cells.try_for_each(|(values, cell)| values.push(cell))
     }
 }
 

@@ -14,11 +14,8 @@ use crate::arguments::Arguments;
 
 /// The two programs, with a version that does not change with every build.
 fn programs() -> [clap::Command; 2] {
-    let programs = [Arguments::command(), runner::worker::Arguments::command()];
-    let names = ["coordinator", "worker"];
-    let mut names = names.into_iter();
-    programs.map(|program| {
-        let name = names.next().unwrap_or_default();
+    let worker = runner::worker::Arguments::command();
+    [("coordinator", Arguments::command()), ("worker", worker)].map(|(name, program)| {
         program
             .name(name)
             .bin_name(name)
