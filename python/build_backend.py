@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -19,7 +20,8 @@ PROGRAMS = ("coordinator", "worker")
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     # All three at once: each alone would give some crates other features, and build them again.
     packages = [f"--package={name}" for name in (*PROGRAMS, "pitchline-python")]
-    subprocess.run(["cargo", "build", "--release", "--locked", *packages], cwd=HERE, check=True)
+    further = shlex.split((config_settings or {}).get("build-args", ""))
+    subprocess.run(["cargo", "build", "--release", "--locked", *packages, *further], cwd=HERE, check=True)
     built = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent / "target")) / "release"
     data = HERE / "pitchline.data"
     shutil.copytree(HERE.parent / "share", data / "data" / "share", dirs_exist_ok=True)

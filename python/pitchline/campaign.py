@@ -54,6 +54,8 @@ logger = logging.getLogger("pitchline")
 _LOOK = 0.3
 #: Seconds that an answer from elsewhere may take: a year.
 _PATIENCE = 365 * 24 * 3600
+#: The exit code of a program that a signal stopped.
+_INTERRUPTED = 14
 
 
 class CampaignError(_pitchline.PitchlineError):
@@ -225,9 +227,10 @@ class Campaign:
         with self._path() as file, contextlib.ExitStack() as stack:
             child = stack.enter_context(
                 process(
-                    [program("coordinator"), "run", os.fspath(file), *options, *further],
+                    [program("coordinator"), "run", os.fspath(file), "--until-input-ends", *options, *further],
                     at_once=at_once,
-                    stdin=subprocess.DEVNULL,
+                    # It ends when this process does, even if that is killed.
+                    stdin=subprocess.PIPE,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.PIPE,
                 )
@@ -274,7 +277,9 @@ class _Running:
 def _error(code: int, said: str, db: Path | None) -> CampaignError:
     """The last error that a program printed, or its last warning."""
     _, found, text = said.rpartition("error: ")
-    if not found:
+    if code == _INTERRUPTED or code < 0:
+        text = "a signal ended the campaign's program; the same call continues it"
+    elif not found:
         lines = [line for line in said.splitlines() if " WARN " in line] or said.splitlines()[-1:]
         text = lines[-1].rpartition(" WARN ")[2] if lines else f"the program ended with exit code {code}"
     error = CampaignError(text.strip())

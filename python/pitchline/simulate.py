@@ -192,16 +192,19 @@ def process(
     try:
         yield child
     finally:
-        if child.poll() is None:
-            child.send_signal(signal.SIGINT)
-            try:
+        try:
+            if child.poll() is None:
+                child.send_signal(signal.SIGINT)
                 if at_once:
                     # A second Ctrl-C; the program must have seen the first one.
                     with contextlib.suppress(subprocess.TimeoutExpired):
                         child.wait(0.2)
                     child.send_signal(signal.SIGINT)
                 child.wait(60.0)
-            except BaseException:
-                child.kill()
-                child.wait()
-                raise
+        except BaseException:
+            child.kill()
+            child.wait()
+            raise
+        finally:
+            if child.stdin is not None:
+                child.stdin.close()

@@ -121,6 +121,9 @@ pub(crate) struct Run {
     /// Number of workers to start in this process [default: the number of processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
+    /// Stop as at Ctrl-C once standard input ends: for a program that starts this one and may be killed
+    #[arg(long, hide = true)]
+    pub(crate) until_input_ends: bool,
     #[command(flatten)]
     pub(crate) how: RunArguments,
 }

@@ -140,7 +140,11 @@ async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
         u16::try_from(count.max(1)).unwrap_or(u16::MAX)
     });
     let workers = local_workers(&campaign, file, &arguments.how.simulator, count)?;
-    conduct(plan(campaign, text, db, workers, arguments.how)?).await
+    let shutdown = CancellationToken::new();
+    if arguments.until_input_ends {
+        runner::console::watch_input(shutdown.clone(), "stopping: standard input ended");
+    }
+    conduct(plan(campaign, text, db, workers, arguments.how)?, shutdown).await
 }
 
 /// The plan of a campaign without a port.
@@ -218,13 +222,13 @@ async fn serve(arguments: arguments::Serve) -> Result<u8, ProgramError> {
     refuse_network_store(&arguments.db, arguments.allow_network_store)?;
     let simulator = &arguments.how.simulator;
     let workers = local_workers(&campaign, file, simulator, arguments.workers)?;
-    conduct(Plan {
+    let plan = Plan {
         port: Some(port),
         keep_serving: arguments.keep_serving,
         lease: Duration::from_secs(arguments.lease),
         ..plan(campaign, text, arguments.db, workers, arguments.how)?
-    })
-    .await
+    };
+    conduct(plan, CancellationToken::new()).await
 }
 
 /// The port of the campaign `name`.
@@ -312,8 +316,7 @@ fn check_out(plan: &Plan) -> Result<(), ProgramError> {
     })?)
 }
 
-async fn conduct(plan: Plan) -> Result<u8, ProgramError> {
-    let shutdown = CancellationToken::new();
+async fn conduct(plan: Plan, shutdown: CancellationToken) -> Result<u8, ProgramError> {
     tokio::spawn(runner::console::watch_signals(shutdown.clone(), "stopping"));
     let db = plan.db.clone();
     require_own_report(&plan.out, &plan.campaign, &db).await?;

@@ -12,6 +12,11 @@ pub(crate) mod report;
 mod stages;
 mod starts;
 
+use std::borrow::Cow;
+
+use rand::seq::SliceRandom as _;
+use stats::streams::{Purpose, stream};
+
 use crate::data::contradiction;
 use crate::data::scaled::{SIGMA2_BOUNDS, ScaledData};
 use crate::data::{Data, Points, keep_repeated, merge_repeated};
@@ -20,7 +25,7 @@ use crate::likelihood::gls::{Gls, Trend};
 use crate::model::{Model, Parameters};
 use crate::{Error, Warning};
 use options::FitOptions;
-use stages::SUBSET_TOLERANCE;
+use stages::{Optimum, SUBSET_TOLERANCE};
 use starts::Search;
 
 /// Fits ordinary kriging, equations (15) to (20), or universal kriging by maximum likelihood.
@@ -29,8 +34,8 @@ use starts::Search;
 /// noise variances are taken as given. The result depends on the data and the options only, not on
 /// the order of the observations or the number of threads (rayon's).
 ///
-/// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications; memory 3 n²
-/// numbers.
+/// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications, for n up to [`FitOptions::subset`].
+/// Beyond, the parameters are those of so many random points, and the model of all takes two factors more. Memory 3 n² numbers.
 ///
 /// # Errors
 ///
@@ -76,34 +81,51 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         });
     }
 
-    let search = Search::new(&scaled, options);
-    let optimum = search.run()?;
+    let subset = options.subset.max(2);
+    let searched = if scaled.len() > subset {
+        let mut order: Vec<usize> = (0..scaled.len()).collect();
+        order.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
+        Cow::Owned(scaled.subset(&order[..subset]))
+    } else {
+        Cow::Borrowed(&scaled)
+    };
+    let search = Search::new(&searched, options);
+    let mut optimum = search.run()?;
+    let parameters = |at: &[f64]| {
+        let ranges = |k: usize| at[if search.tied { 0 } else { k }].exp();
+        let sigma2 = at[at.len() - 1].exp();
+        let mut parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
+        if options.nugget.is_estimated() {
+            parameters.nugget = at[at.len() - 2].exp() * scaled.y_scale * scaled.y_scale;
+        }
+        parameters
+    };
+    let (kernel, trend) = (options.kernel, options.trend);
+    let model = |optimum: &Optimum| {
+        let parameters = parameters(&optimum.outcome.at);
+        Model::new(kernel, trend, points.clone(), parameters, optimum.jitter)
+    };
+    let mut made = model(&optimum)?;
+    if searched.len() < scaled.len()
+        && made.jitter > optimum.jitter
+        && let Some(again) = search.polish(&searched, &optimum.outcome.at, made.jitter, true)
+    {
+        // All points together need more jitter, and with it the likelihood is highest elsewhere.
+        optimum = again;
+        made = model(&optimum)?;
+    }
     let of_search = search.warnings(&optimum, distinct);
     if options.refuse_no_structure {
         report::check_structure(&of_search)?;
     }
     warnings.extend(of_search);
-    let at = &optimum.outcome.at;
-    let ranges = |k: usize| at[if search.tied { 0 } else { k }].exp();
-    let sigma2 = at[at.len() - 1].exp();
-    let mut parameters = in_units_of_data(&points, &scaled, ranges, sigma2);
-    if options.nugget.is_estimated() {
-        parameters.nugget = at[at.len() - 2].exp() * scaled.y_scale * scaled.y_scale;
-    }
-    let mut model = Model::new(
-        options.kernel,
-        options.trend,
-        points,
-        parameters,
-        optimum.jitter,
-    )?;
-    warnings.extend(model.jitter_warning());
-    warnings.extend(model.warning_of_residuals());
-    model.warnings = warnings;
+    warnings.extend(made.jitter_warning());
+    warnings.extend(made.warning_of_residuals());
+    made.warnings = warnings;
     Ok(if options.calibrate {
-        model.calibrated()
+        made.calibrated()
     } else {
-        model
+        made
     })
 }
 

@@ -79,6 +79,8 @@ pub(crate) struct Evaluation {
     pub(crate) curvature: Vec<f64>,
     /// zᵀC⁻¹z/n: the maximum likelihood estimate of σ² with the ratios of noise to σ² kept.
     pub(crate) next_sigma2: f64,
+    /// The size of the value's rounding error.
+    pub(crate) rounding: f64,
 }
 
 /// The form of the model: all but its parameters.
@@ -178,6 +180,7 @@ impl<'a> Likelihood<'a> {
         let mut evaluation = Evaluation {
             value: value + of_prior,
             next_sigma2: quadratic / count,
+            rounding: rounding(&factor, &beta, sigma2),
             ..Evaluation::default()
         };
         let at = EvaluationPoint {
@@ -217,6 +220,17 @@ impl<'a> Likelihood<'a> {
                 .for_each(|(s, c)| *s = c * factor);
         }
     }
+}
+
+/// Rounding errors of the elements of C, with those of its factorisation; in the value they were measured at 2000 points
+/// without noise.
+const ELEMENT_ERROR: f64 = 8.0 * f64::EPSILON;
+
+/// The size of the rounding error of a value: to first order that of independent errors E of the elements of C,
+/// tr(C⁻¹E)/2 − βᵀEβ/(2σ²). The squares of the pivots of C's factor stand for its eigenvalues.
+fn rounding(factor: &Spd, beta: &[f64], sigma2: f64) -> f64 {
+    let of_determinant: f64 = factor.pivots().map(|pivot| pivot.powi(-4)).sum();
+    0.5 * ELEMENT_ERROR * (of_determinant.sqrt() + dot(beta, beta) / sigma2)
 }
 
 /// The smallest negative log likelihood of independent observations y ~ N(μ, σ² + vᵢ) over μ and

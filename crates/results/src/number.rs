@@ -2,6 +2,7 @@
 //!
 //! A number that is not finite is shown as [`MISSING`].
 
+use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
 /// Shown in place of a number that is not known.
@@ -103,36 +104,45 @@ pub fn with_unit(value: f64, digits: usize, unit: &str) -> String {
 /// another one that would vanish has three significant digits.
 #[must_use]
 pub fn column(values: &[(f64, &str)], digits: usize) -> Vec<String> {
-    let largest = |unit: &str| {
-        let of_unit = values.iter().filter(|one| one.1 == unit);
-        let sizes = of_unit.map(|one| one.0.abs()).filter(|v| v.is_finite());
-        sizes.fold(0.0, f64::max)
-    };
     let is_zero = |text: &str| !text.bytes().any(|b| (b'1'..=b'9').contains(&b));
-    let aligned = |value: f64, unit: &str, decimals: usize| {
+    let aligned = |value: f64, largest: f64, decimals: usize| {
         let text = fixed(value, decimals);
-        let negligible = value.abs() <= 1e-9 * largest(unit);
+        let negligible = value.abs() <= 1e-9 * largest;
         match is_zero(&text) && value.is_finite() {
             true if negligible => Some("0".to_owned()),
             true => None,
             false => Some(text),
         }
     };
-    let decimals = |unit: &str| {
-        let most = largest(unit);
+    let mut of_units: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for &(value, unit) in values {
+        of_units.entry(unit).or_default().push(value);
+    }
+    // The largest value and the decimals of a unit.
+    let format = |of_unit: &Vec<f64>| {
+        let sizes = of_unit.iter().map(|v| v.abs()).filter(|v| v.is_finite());
+        let largest = sizes.fold(0.0, f64::max);
         // Powers of ten take the place of very large and very small numbers.
-        let exponent = Some(most.log10().floor()).filter(|e| (-4.0..=8.0).contains(e))?;
-        let decimals = (digits as f64 - 1.0 - exponent).max(0.0) as usize;
-        let of_unit = values.iter().filter(|one| one.1 == unit);
-        let texts = of_unit.filter_map(|one| aligned(one.0, unit, decimals));
-        let used = texts.map(|text| {
-            let fraction = text.split_once('.').map_or("", |(_, fraction)| fraction);
-            fraction.trim_end_matches('0').len()
+        let exponent = Some(largest.log10().floor()).filter(|e| (-4.0..=8.0).contains(e));
+        let decimals = exponent.map(|exponent| {
+            let decimals = (digits as f64 - 1.0 - exponent).max(0.0) as usize;
+            let texts = of_unit.iter();
+            let texts = texts.filter_map(|value| aligned(*value, largest, decimals));
+            let used = texts.map(|text| {
+                let fraction = text.split_once('.').map_or("", |(_, fraction)| fraction);
+                fraction.trim_end_matches('0').len()
+            });
+            used.max().unwrap_or(0)
         });
-        Some(used.max().unwrap_or(0))
+        (largest, decimals)
     };
+    let formats = of_units
+        .iter()
+        .map(|(unit, of_unit)| (*unit, format(of_unit)));
+    let formats: BTreeMap<&str, (f64, Option<usize>)> = formats.collect();
     let text = |&(value, unit): &(f64, &str)| {
-        let number = match decimals(unit).map(|decimals| aligned(value, unit, decimals)) {
+        let (largest, decimals) = formats[unit];
+        let number = match decimals.map(|decimals| aligned(value, largest, decimals)) {
             Some(Some(text)) => text,
             Some(None) => significant(value, 3),
             None => significant(value, digits),

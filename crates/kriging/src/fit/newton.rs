@@ -19,6 +19,8 @@ const SUFFICIENT: f64 = 1e-4;
 /// rounding of value and gradient, and is insignificant in a log likelihood.
 const HIDDEN: f64 = 1e-3;
 
+/// A decrease of so many rounding errors may not show in values.
+const SEVERAL: f64 = 10.0;
 /// The most lengths tried for a step: an evaluation can take seconds.
 const LENGTHS: usize = 20;
 /// The most lengths tried when no more than [`HIDDEN`] is to be gained.
@@ -32,7 +34,7 @@ pub(crate) struct Outcome {
     pub(crate) value: f64,
     pub(crate) iterations: usize,
     pub(crate) converged: bool,
-    /// Whether a step ran into a point where the function could not be evaluated.
+    /// Whether the last step ran into a point where the function could not be evaluated.
     pub(crate) met_failure: bool,
 }
 
@@ -62,6 +64,7 @@ pub(crate) fn minimise(
     let first = function(&at, true)?;
     let (mut value, mut gradient) = (first.value, first.gradient);
     let mut curvature = first.curvature;
+    let mut rounding = first.rounding;
     let mut met_failure = false;
     let mut fresh = true;
     let (mut iterations, mut converged) = (0, false);
@@ -69,19 +72,17 @@ pub(crate) fn minimise(
     while iterations < limits.max_iterations {
         let step = newton_direction(&curvature, &gradient, &at, limits);
         let promised = -0.5 * dot(&step, &gradient);
-        if promised < limits.tolerance {
+        if promised < limits.tolerance.max(rounding) {
             converged = true;
             break;
         }
+        met_failure = false;
+        let is_hidden = promised < HIDDEN.max(SEVERAL * rounding);
 
         let renews = iterations < limits.renewed;
         let mut t = first_length(&step);
         let mut accepted = None;
-        let lengths = if promised < HIDDEN {
-            FEW_LENGTHS
-        } else {
-            LENGTHS
-        };
+        let lengths = if is_hidden { FEW_LENGTHS } else { LENGTHS };
         for _ in 0..lengths {
             let trial: Vec<f64> = at.iter().zip(&step).map(|(a, s)| a + t * s).collect();
             let trial = clamp(&trial, limits);
@@ -108,8 +109,8 @@ pub(crate) fn minimise(
         }
 
         let Some((trial, moved, evaluation)) = accepted else {
-            if fresh {
-                converged = promised < HIDDEN;
+            if fresh || promised < SEVERAL * rounding {
+                converged = is_hidden;
                 break;
             }
             // A curvature that led nowhere keeps its diagonal only, doubled.
@@ -133,6 +134,7 @@ pub(crate) fn minimise(
             update(&mut curvature, &moved, &change);
         }
         (at, value, gradient) = (trial, evaluation.value, evaluation.gradient);
+        rounding = evaluation.rounding;
         fresh = false;
         iterations += 1;
     }
@@ -344,6 +346,35 @@ mod tests {
         let outcome = minimise(bowl, &[0.0], &limits).unwrap();
         assert!(outcome.converged && outcome.at == [0.0], "{outcome:?}");
         assert_eq!(evaluations, 1 + FEW_LENGTHS);
+    }
+
+    /// Values that scatter by their rounding errors do not keep the search from ending.
+    #[test]
+    fn a_decrease_below_the_rounding_ends_the_search() {
+        let scatter = 1e-2;
+        for amplitude in [1.0, 10.0, 1000.0] {
+            let mut evaluations = 0;
+            let rough = |at: &[f64], _: bool| {
+                evaluations += 1;
+                // Chaotic in the last digits of the place.
+                let noise = (1e9 * at[0]).sin();
+                Some(Evaluation {
+                    value: amplitude * at[0] * at[0] + scatter * noise,
+                    gradient: vec![2.0 * amplitude * at[0] + 0.1 * amplitude.sqrt() * noise],
+                    curvature: vec![2.0 * amplitude],
+                    rounding: scatter,
+                    ..Evaluation::default()
+                })
+            };
+            let limits = Limits {
+                tolerance: 1e-6,
+                ..limits(&[-5.0], &[5.0])
+            };
+            let outcome = minimise(rough, &[3.0], &limits).unwrap();
+            assert!(outcome.converged, "{outcome:?}");
+            assert!(outcome.value < 10.0 * scatter, "{outcome:?}");
+            assert!(evaluations < 15, "{evaluations}");
+        }
     }
 
     #[test]

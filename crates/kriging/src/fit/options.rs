@@ -18,6 +18,9 @@ pub struct FitOptions {
     pub seed: u64,
     /// Number of starts; at least one is taken.
     pub starts: usize,
+    /// The most points on which the likelihood is searched; at least two. More would hardly change the parameters: their
+    /// errors fall with the square root of the number, and the time grows with its cube.
+    pub subset: usize,
     /// The most quasi-Newton iterations of one search.
     pub max_iterations: usize,
     /// The trend around which the process varies.
@@ -38,6 +41,7 @@ impl Default for FitOptions {
             estimator: Estimator::default(),
             seed: 0,
             starts: 20,
+            subset: 4000,
             max_iterations: 100,
             trend: Trend::Constant,
             nugget: Nugget::Known,

@@ -104,7 +104,7 @@ impl Search<'_> {
 
     /// Searches from `start`. The jitter grows while the search keeps running into matrices that are
     /// not positive definite and more jitter raises the likelihood.
-    fn polish(
+    pub(super) fn polish(
         &self,
         subset: &ScaledData,
         start: &[f64],

@@ -148,3 +148,36 @@ fn scales_and_shifts_that_eat_digits() {
         }
     }
 }
+
+/// Parameters found on a part of the points serve all of them: without noise, where all together need more jitter, and
+/// with noise.
+#[test]
+fn parameters_of_a_subset_serve_all_points() {
+    let x = cube(1000, 2, 7);
+    let smooth: Vec<f64> = x.chunks(2).map(wave).collect();
+    let mut rng = stream(22, Purpose::Test, 0, 0);
+    for variance in [0.0, 0.01] {
+        let y = smooth.iter().map(|y| noisy(*y, variance, &mut rng));
+        let sample = Sample {
+            x: x.clone(),
+            d: 2,
+            y: y.collect(),
+            noise: vec![variance; smooth.len()],
+        };
+        let of = |subset| {
+            let options = FitOptions {
+                subset,
+                ..FitOptions::default()
+            };
+            let model = fit(&sample.data(), &options).unwrap();
+            assert_eq!(model.points(), smooth.len());
+            (score(&model, &truths(2)), model)
+        };
+        let ((whole, _), best) = of(1000);
+        let ((part, covered), model) = of(300);
+        let loss = model.negative_log_likelihood() - best.negative_log_likelihood();
+        println!("{variance}: {whole} {part} {covered} {loss}");
+        assert!(covered > 0.8, "{variance}: {covered}");
+        assert!(part < 2.0 * whole + 1e-7, "{variance}: {part} {whole}");
+    }
+}

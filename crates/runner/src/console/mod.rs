@@ -21,7 +21,7 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::SubscriberExt as _;
 use tracing_subscriber::util::SubscriberInitExt as _;
 
-pub use signals::watch_signals;
+pub use signals::{watch_input, watch_signals};
 
 /// The environment variable that sets the log levels.
 pub const LOG_VARIABLE: &str = "PITCHLINE_LOG";

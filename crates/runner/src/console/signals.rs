@@ -31,6 +31,19 @@ pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
     }
 }
 
+/// Cancels `shutdown` at the end of standard input, after logging `notice`: the program at its other end has ended,
+/// even if it was killed.
+pub fn watch_input(shutdown: CancellationToken, notice: &'static str) {
+    // A thread, which the end of the program need not wait for.
+    std::thread::spawn(move || {
+        let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
+        if !shutdown.is_cancelled() {
+            tracing::info!("{notice}");
+            shutdown.cancel();
+        }
+    });
+}
+
 /// The receiver of SIGHUP; `None` if the program was started to ignore it.
 fn hang_up() -> Option<Signal> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
