@@ -7,7 +7,7 @@
 use crate::coupled::body::Body;
 use crate::input::{Member, ToothModel};
 use crate::path::Place;
-use crate::tooth::Station;
+use crate::tooth::{Load, Station};
 use crate::unloaded::UnloadedPair;
 
 /// Least value of Weber's bracket ln(4 t1 t2/a_H²) − ν/(1 − ν). Near a pointed tip or under an
@@ -56,35 +56,47 @@ impl UnloadedPair {
         Member::BOTH.map(|member| Body::new(self.input(), self.geometry(), member))
     }
 
-    /// The compliance at the place `s` under a load that is even along the face, without that of the
+    /// The compliance at each of the places `s` under a load that is even along the face, without that of the
     /// contact.
-    pub(crate) fn node(&self, s: f64) -> NodeCompliance {
+    pub(crate) fn nodes(&self, s: &[f64]) -> Vec<NodeCompliance> {
         let (input, geometry) = (self.input(), self.geometry());
         let bodies = (input.tooth_model == ToothModel::Coupled).then(|| self.bodies());
-        let [pinion, gear] = Member::BOTH.map(|member| {
+        let of_gear = |member: Member| -> Vec<(f64, f64, Station)> {
             let i = member.index();
-            let r = geometry.r_b[i].hypot(geometry.tangent_length(member, s));
-            let (tooth, load) = (&self.teeth[i], self.teeth[i].load_at_radius(r));
-            let mut compliance = tooth.compliance(&load);
-            let mut station = Station::default();
-            if let Some(bodies) = &bodies {
-                station = tooth.station(&load);
-                let own = bodies[i].own(station.u, station.u);
-                compliance += own / input.material[i].youngs_modulus_mpa;
-            }
-            (compliance, load.half_thickness, station)
-        });
+            let tooth = &self.teeth[i];
+            let radius = |&s: &f64| geometry.r_b[i].hypot(geometry.tangent_length(member, s));
+            let loads: Vec<Load> = s.iter().map(|s| tooth.load_at_radius(radius(s))).collect();
+            let compliances = tooth.compliances(&loads);
+            let parts = loads.iter().zip(compliances).map(|(load, mut compliance)| {
+                let mut station = Station::default();
+                if let Some(bodies) = &bodies {
+                    station = tooth.station(load);
+                    let own = bodies[i].own(station.u, station.u);
+                    compliance += own / input.material[i].youngs_modulus_mpa;
+                }
+                (compliance, load.half_thickness, station)
+            });
+            parts.collect()
+        };
         // Each gear's approach counts by its share of the surfaces' compliance, which is a half for equal materials.
         let surface = input.surface_compliance();
-        let weigh = |depth: f64, i: usize| depth.powf(2.0 * surface[i] / (surface[0] + surface[1]));
-        NodeCompliance {
-            touching: ContactPlace {
-                s,
-                thickness: weigh(pinion.1, 0) * weigh(gear.1, 1),
-            },
-            teeth: pinion.0 + gear.0,
-            stations: [pinion.2, gear.2],
-        }
+        let share = [0, 1].map(|i| 2.0 * surface[i] / (surface[0] + surface[1]));
+        let weigh = |depth: f64, i: usize| match share[i] {
+            1.0 => depth,
+            share => depth.powf(share),
+        };
+        let [pinion, gear] = Member::BOTH.map(of_gear);
+        let of_both = s.iter().zip(pinion.into_iter().zip(gear));
+        of_both
+            .map(|(&s, (pinion, gear))| NodeCompliance {
+                touching: ContactPlace {
+                    s,
+                    thickness: weigh(pinion.1, 0) * weigh(gear.1, 1),
+                },
+                teeth: pinion.0 + gear.0,
+                stations: [pinion.2, gear.2],
+            })
+            .collect()
     }
 
     /// Compliance of the contact under the line load `w`, N/mm; mm per N/mm.

@@ -112,6 +112,7 @@ mod accuracy;
 mod analysis;
 mod balance;
 mod beyond;
+mod cell_index;
 mod converged;
 mod corrections;
 mod coupled;

@@ -7,7 +7,6 @@ use crate::balance::{Extremes, Frame};
 use crate::corrections::Lead;
 use crate::coupled::{self, CoupledCells, SingularCompliance};
 use crate::crowned::{CrownedBalance, Piece};
-use crate::elasticity::NodeCompliance;
 use crate::path::{Path, Window};
 use crate::periodic::PeriodicFunction;
 use crate::slices::{self, SliceBalance, Slices};
@@ -77,7 +76,7 @@ impl Mesh {
         gap: &[f64],
         has_lead_gap: bool,
     ) -> Result<Self, SingularCompliance> {
-        let nodes: Vec<NodeCompliance> = path.s.iter().map(|&s| pair.node(s)).collect();
+        let nodes = pair.nodes(&path.s);
         let coupled = CoupledCells::new(pair, &path, &nodes, gap, has_lead_gap)?;
         Ok(Self {
             contact: Contact::Coupled(coupled),

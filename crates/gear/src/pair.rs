@@ -160,7 +160,7 @@ impl Pair {
     #[must_use]
     pub fn compliance_under(&self, s: f64, load: f64) -> f64 {
         let geometry = self.geometry();
-        let node = self.node(s.clamp(geometry.s_in, geometry.s_out));
+        let node = &self.nodes(&[s.clamp(geometry.s_in, geometry.s_out)])[0];
         node.teeth + self.contact(&node.touching, load)
     }
 

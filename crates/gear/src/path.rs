@@ -13,6 +13,7 @@
 use std::ops::Range;
 
 use crate::beyond::TipSeparation;
+use crate::cell_index::CellIndex;
 use crate::geometry::Geometry;
 use crate::input::Discretisation;
 
@@ -86,6 +87,7 @@ pub(crate) struct Path {
     pub(crate) spur: bool,
     /// Nodes, increasing, from s_in to s_out.
     pub(crate) s: Vec<f64>,
+    cells: CellIndex,
     /// Those on the path itself.
     inner: Range<usize>,
     /// Gap of the tip corners at all nodes, mm; empty where contact ends with the path.
@@ -234,6 +236,7 @@ impl Path {
             base_pitch: p,
             window,
             spur,
+            cells: CellIndex::new(&s),
             s,
             inner,
             separation,
@@ -348,11 +351,7 @@ impl Path {
 
     /// Finds the cell of a place on the path.
     pub(crate) fn place(&self, s: f64) -> Place {
-        let cell = self
-            .s
-            .partition_point(|&node| node <= s)
-            .clamp(1, self.s.len() - 1)
-            - 1;
+        let cell = self.cells.cell(&self.s, s);
         let u = (s - self.s[cell]) / (self.s[cell + 1] - self.s[cell]);
         Place {
             s,

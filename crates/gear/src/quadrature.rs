@@ -24,6 +24,8 @@
 //! Reference: C. W. Clenshaw, A. R. Curtis, A method for numerical integration on an automatic
 //! computer, *Numerische Mathematik* 2 (1960) 197–205.
 
+use crate::vectors::with_vectors;
+
 /// Degree of the interpolating polynomials.
 const N: usize = 12;
 /// Coefficients of the integral of one.
@@ -34,6 +36,9 @@ pub(crate) const TOLERANCE: f64 = 1e-9;
 /// The most panels tried for one tooth. Nine are usual; a waist takes about two more for each
 /// halving of its thickness.
 const MOST_PANELS: usize = 300;
+
+/// Loads for which a panel is evaluated at a time.
+const LANES: usize = 8;
 
 /// Share of an integral below which a term of its polynomial is dropped.
 const NEGLIGIBLE: f64 = 1e-12;
@@ -144,18 +149,22 @@ impl Polynomial {
         Self { terms, c }
     }
 
-    fn at(&self, u: f64) -> f64 {
-        self.c[..self.terms]
-            .iter()
-            .rev()
-            .fold(0.0, |sum, c| sum * u + c)
+    #[inline(always)]
+    fn at<const L: usize>(&self, u: [f64; L]) -> [f64; L] {
+        self.with_slope(u).0
     }
 
-    /// The value and its derivative.
-    fn with_slope(&self, u: f64) -> (f64, f64) {
-        let start = (0.0, 0.0);
-        let terms = self.c[..self.terms].iter().rev();
-        terms.fold(start, |(sum, slope), c| (sum * u + c, slope * u + sum))
+    /// The values and their derivatives.
+    #[inline(always)]
+    fn with_slope<const L: usize>(&self, u: [f64; L]) -> ([f64; L], [f64; L]) {
+        let (mut sum, mut slope) = ([0.0; L], [0.0; L]);
+        for c in self.c[..self.terms].iter().rev() {
+            for l in 0..L {
+                slope[l] = slope[l] * u[l] + sum[l];
+                sum[l] = sum[l] * u[l] + c;
+            }
+        }
+        (sum, slope)
     }
 }
 
@@ -326,9 +335,30 @@ impl ToothIntegrals {
         Ok(error)
     }
 
-    /// M2 about the height `y` over the tooth below it.
-    pub(crate) fn second_moment(&self, y: f64) -> f64 {
-        self.locate(y).second_moment()
+    /// M2 about each of the heights `y` over the tooth below it.
+    pub(crate) fn second_moments(&self, y: &[f64]) -> Vec<f64> {
+        with_vectors(
+            #[inline(always)]
+            || {
+                let mut moments = Vec::with_capacity(y.len());
+                while let [first, ..] = y[moments.len()..] {
+                    // Of loads one beside the other, most lie in the same panel.
+                    let several = y[moments.len()..].first_chunk::<LANES>();
+                    let several = several.filter(|heights| {
+                        heights[1..]
+                            .iter()
+                            .all(|y| self.panel(*y) == self.panel(first))
+                    });
+                    match (self.panel(first), several) {
+                        (Some(k), Some(heights)) => {
+                            moments.extend(self.panels[k].second_moments(*heights));
+                        }
+                        _ => moments.push(self.locate(first).second_moment()),
+                    }
+                }
+                moments
+            },
+        )
     }
 
     /// M1 and M2 about the height `y`, and ∫ dy/(2x) up to it.
@@ -342,20 +372,29 @@ impl ToothIntegrals {
     }
 
     fn locate(&self, y: f64) -> Level<'_> {
-        let above = self.panels.partition_point(|panel| panel.y <= y);
-        if above == 0 {
-            return Level::Root;
-        }
-        if y >= self.y_top {
-            return Level::Top {
+        match self.panel(y) {
+            Some(k) => {
+                let panel = &self.panels[k];
+                let h = y - panel.y;
+                let [u] = panel.places([h]);
+                Level::Panel { panel, h, u }
+            }
+            None if self.panels_below(y) == 0 => Level::Root,
+            None => Level::Top {
                 h: y - self.y_top,
                 moments: self.top,
-            };
+            },
         }
-        let panel = &self.panels[above - 1];
-        let h = y - panel.y;
-        let u = panel.place(h);
-        Level::Panel { panel, h, u }
+    }
+
+    /// The number of the panel that the height `y` lies in.
+    fn panel(&self, y: f64) -> Option<usize> {
+        let is_below_top = y < self.y_top;
+        self.panels_below(y).checked_sub(1).filter(|_| is_below_top)
+    }
+
+    fn panels_below(&self, y: f64) -> usize {
+        self.panels.partition_point(|panel| panel.y <= y)
     }
 }
 
@@ -373,7 +412,10 @@ impl Level<'_> {
     fn second_moment(&self) -> f64 {
         match *self {
             Self::Root => 0.0,
-            Self::Panel { panel, h, u } => panel.below.raised(h).m2 + panel.second.at(u),
+            Self::Panel { panel, h, u } => {
+                let [second] = panel.second.at([u]);
+                panel.below.raised(h).m2 + second
+            }
             Self::Top { h, moments } => moments.raised(h).m2,
         }
     }
@@ -383,8 +425,8 @@ impl Level<'_> {
         match *self {
             Self::Root => 0.0,
             Self::Panel { panel, h, u } => {
-                let (_, height) = panel.height.with_slope(u);
-                let (_, second) = panel.second.with_slope(u);
+                let (_, [height]) = panel.height.with_slope([u]);
+                let (_, [second]) = panel.second.with_slope([u]);
                 panel.below.raised(h).m1 + 0.5 * second / height
             }
             Self::Top { h, moments } => moments.raised(h).m1,
@@ -394,31 +436,53 @@ impl Level<'_> {
     fn inverse_thickness(&self) -> f64 {
         match *self {
             Self::Root => 0.0,
-            Self::Panel { panel, u, .. } => panel.below.n0 + panel.inverse.at(u),
+            Self::Panel { panel, u, .. } => {
+                let [inverse] = panel.inverse.at([u]);
+                panel.below.n0 + inverse
+            }
             Self::Top { moments, .. } => moments.n0,
         }
     }
 }
 
 impl Panel {
-    /// The u in −1 … 1 at which the panel has the height `h` above its lower end: Newton's method,
+    /// M2 about heights in the panel over the tooth below them.
+    #[inline(always)]
+    fn second_moments<const L: usize>(&self, y: [f64; L]) -> [f64; L] {
+        let h = y.map(|y| y - self.y);
+        let u = self.places(h);
+        let mut moments = self.second.at(u);
+        for (moment, h) in moments.iter_mut().zip(h) {
+            *moment += self.below.raised(h).m2;
+        }
+        moments
+    }
+
+    /// The u in −1 … 1 at which the panel has each of the heights `h` above its lower end: Newton's method,
     /// started from the root of the first three terms.
-    fn place(&self, h: f64) -> f64 {
+    #[inline(always)]
+    fn places<const L: usize>(&self, h: [f64; L]) -> [f64; L] {
         const STEPS: usize = 8;
         let c = &self.height.c;
-        let constant = c[0] - h;
-        let root = (c[1] * c[1] - 4.0 * c[2] * constant).max(0.0).sqrt();
-        // The form of the root that does not cancel.
-        let mut u = (-2.0 * constant / (c[1] + root)).clamp(-1.0, 1.0);
+        let mut u = h.map(|h| {
+            let constant = c[0] - h;
+            let root = (c[1] * c[1] - 4.0 * c[2] * constant).max(0.0).sqrt();
+            // The form of the root that does not cancel.
+            (-2.0 * constant / (c[1] + root)).clamp(-1.0, 1.0)
+        });
+        let mut is_open = [true; L];
         for _ in 0..STEPS {
             let (value, slope) = self.height.with_slope(u);
-            let step = (value - h) / slope;
-            if !step.is_finite() {
-                break;
+            for l in 0..L {
+                let step = (value[l] - h[l]) / slope[l];
+                is_open[l] &= step.is_finite();
+                if is_open[l] {
+                    u[l] = (u[l] - step).clamp(-1.0, 1.0);
+                }
+                // The next step would be of the order of this one's square.
+                is_open[l] &= step.abs() >= 1e-6;
             }
-            u = (u - step).clamp(-1.0, 1.0);
-            // The next step would be of the order of this one's square.
-            if step.abs() < 1e-6 {
+            if is_open == [false; L] {
                 break;
             }
         }
@@ -468,9 +532,10 @@ mod tests {
             }
         }
         // Beyond the top nothing is added: M2 is a quadratic.
-        let h = [0.0, 1.0, 2.0, 3.0].map(|h| integrals.second_moment(top + h));
+        let h = [0.0, 1.0, 2.0, 3.0].map(|h| top + h);
+        let h = integrals.second_moments(&h);
         assert!((h[3] - 3.0 * h[2] + 3.0 * h[1] - h[0]).abs() < 1e-9 * h[3]);
-        assert_eq!(integrals.second_moment(-1.0), 0.0);
+        assert_eq!(integrals.second_moments(&[-1.0]), [0.0]);
     }
 
     /// A load inside a panel whose height starts quadratically is placed by inverting that.

@@ -452,25 +452,36 @@ impl Tooth {
         (m2, n0)
     }
 
-    /// Compliance of the tooth and its foundation under `load`, mm per N/mm; contact excluded.
-    pub(crate) fn compliance(&self, load: &Load) -> f64 {
+    /// Compliance of the tooth and its foundation under each of `loads`, mm per N/mm; contact excluded.
+    pub(crate) fn compliances(&self, loads: &[Load]) -> Vec<f64> {
         let nu = self.poisson;
-        let bending = |m2: f64| 12.0 * (1.0 - nu * nu) * m2;
-        let sum = match self.model {
+        let of_beam = |(load, m2): (&Load, f64)| {
+            let bending = 12.0 * (1.0 - nu * nu) * m2;
+            load.cos_alpha_f * load.cos_alpha_f * bending / self.youngs
+        };
+        let loaded = loads.iter();
+        match self.model {
             ToothModel::HertzBeam | ToothModel::WholeFaceBeam => {
-                bending(self.integrals.second_moment(load.y_l))
+                let heights: Vec<f64> = loads.iter().map(|load| load.y_l).collect();
+                let moments = self.integrals.second_moments(&heights);
+                loaded.zip(moments).map(of_beam).collect()
             }
             ToothModel::PrismaticBeam => {
-                let arm = (load.y_l - self.root.1).max(0.0);
-                bending((arm / self.thickness).powi(3) / 3.0)
+                let moment = |load: &Load| {
+                    let arm = (load.y_l - self.root.1).max(0.0);
+                    (arm / self.thickness).powi(3) / 3.0
+                };
+                loaded.map(|load| of_beam((load, moment(load)))).collect()
             }
             ToothModel::WeberBanaschek | ToothModel::Coupled => {
-                let station = self.station(load);
-                let [bending, rest] = influence(&station, &station, nu);
-                return (bending + rest) / self.youngs;
+                let of_tooth = |load: &Load| {
+                    let station = self.station(load);
+                    let [bending, rest] = influence(&station, &station, nu);
+                    (bending + rest) / self.youngs
+                };
+                loaded.map(of_tooth).collect()
             }
-        };
-        load.cos_alpha_f * load.cos_alpha_f * sum / self.youngs
+        }
     }
 
     /// The station of `load`.

@@ -194,6 +194,6 @@ impl UnloadedPair {
         let i = member.index();
         let tooth = &self.teeth[i];
         let r = r.clamp(self.geometry.r_b[i], self.geometry.r_a[i]);
-        tooth.compliance(&tooth.load_at_radius(r))
+        tooth.compliances(&[tooth.load_at_radius(r)])[0]
     }
 }

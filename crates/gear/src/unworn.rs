@@ -65,8 +65,7 @@ impl UnwornContact {
                 scratch,
             });
         }
-        let nodes: Vec<NodeCompliance> = path.nodes().iter().map(|&s| pair.node(s)).collect();
-        let nodes = path.hold(nodes);
+        let nodes: Vec<NodeCompliance> = path.hold(pair.nodes(path.nodes()));
         // First guess of the line load: the force spread over the mean length of contact.
         let mean_load = base_force / (geometry.eps_alpha * geometry.face_width);
         let least_load = LEAST_LOAD * mean_load;
