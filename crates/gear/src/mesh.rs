@@ -164,7 +164,7 @@ impl Mesh {
         let phi = phi.rem_euclid(self.frame.path.base_pitch);
         match &self.contact {
             Contact::Slices(sums, _) => sums.unworn(&self.frame, phi, windows),
-            Contact::WholeFace(teeth) => teeth.unworn(&self.frame, phi, windows),
+            Contact::WholeFace(teeth) => teeth.unworn(&self.frame, phi),
             Contact::Coupled(_) => f64::NAN,
         }
     }

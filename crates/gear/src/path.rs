@@ -61,6 +61,16 @@ pub(crate) struct Window {
     pub(crate) end: f64,
 }
 
+/// A window whose ends are not located in their cells.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Span {
+    pub(crate) lo: f64,
+    pub(crate) hi: f64,
+    /// As that of a [`Window`].
+    pub(crate) weight: f64,
+    end: f64,
+}
+
 /// The places where a line of contact takes its compliance and gap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Touch {
@@ -246,7 +256,7 @@ impl Path {
             first: vec![0],
         };
         let mut windows = Vec::new();
-        if touch != Touch::Cells {
+        if touch == Touch::Everywhere {
             for k in 0..path.phases.len() {
                 path.windows_at(path.phases[k], &mut windows);
                 path.first.push(windows.len());
@@ -310,6 +320,19 @@ impl Path {
 
     /// Appends the non-empty windows at the phase `phi`, in mm.
     pub(crate) fn windows_at(&self, phi: f64, out: &mut Vec<Window>) {
+        self.spans_at(phi, |span| {
+            out.push(Window {
+                lo: self.place(span.lo),
+                hi: self.place(span.hi),
+                weight: span.weight,
+                end: span.end,
+            });
+        });
+    }
+
+    /// Calls `found` for each of the non-empty windows at the phase `phi`, in mm.
+    #[inline]
+    pub(crate) fn spans_at(&self, phi: f64, mut found: impl FnMut(Span)) {
         let (length, p, w) = (self.s_out - self.s_in, self.base_pitch, self.window);
         let phi = self.first_end(phi);
         let last = ((length + w - phi) / p).ceil().max(0.0) as u64;
@@ -325,19 +348,18 @@ impl Path {
             let end = self.s_in + phi + j as f64 * p;
             let (lo, hi) = ((end - w).max(self.s_in), end.min(self.s_out));
             if lo < hi {
-                out.push(Window {
-                    lo: self.place(lo),
-                    hi: self.place(hi),
+                found(Span {
+                    lo,
+                    hi,
                     weight: 1.0,
                     end,
                 });
             }
         }
         if whole > 0 {
-            let (lo, hi) = (self.place(self.s_in), self.place(self.s_out));
-            out.push(Window {
-                lo,
-                hi,
+            found(Span {
+                lo: self.s_in,
+                hi: self.s_out,
                 weight: whole as f64,
                 end: self.s_in + phi + from as f64 * p,
             });

@@ -12,7 +12,7 @@
 
 use crate::balance::{Balance, Frame, not_negative};
 use crate::corrections::Lead;
-use crate::path::{Line, Path, Place, Window};
+use crate::path::{Line, Path, Place, Span};
 use crate::periodic::PeriodicFunction;
 
 /// The springs of one pair of gears.
@@ -51,12 +51,12 @@ impl Spring {
         }
     }
 
-    /// The pair of teeth whose line covers this window.
-    fn from_window(path: &Path, beams: &[f64], hertz: f64, window: &Window) -> Self {
-        let share = (window.hi.s - window.lo.s) / path.window;
-        let one = Self::new(path, beams, hertz, share, 0.5 * (window.lo.s + window.hi.s));
+    /// The pair of teeth whose line covers this part of the path.
+    fn from_span(path: &Path, beams: &[f64], hertz: f64, span: Span) -> Self {
+        let share = (span.hi - span.lo) / path.window;
+        let one = Self::new(path, beams, hertz, share, 0.5 * (span.lo + span.hi));
         Self {
-            stiffness: window.weight * one.stiffness,
+            stiffness: span.weight * one.stiffness,
             ..one
         }
     }
@@ -76,36 +76,31 @@ impl WholeFace {
             springs: Vec::new(),
             first: vec![0],
         };
-        for k in 0..path.phases.len() {
-            let windows = path.windows(k).iter();
-            this.springs
-                .extend(windows.map(|window| Spring::from_window(path, beams, hertz, window)));
+        for &phi in &path.phases {
+            path.spans_at(phi, |span| {
+                let spring = Spring::from_span(path, beams, hertz, span);
+                this.springs.push(spring);
+            });
             this.first.push(this.springs.len());
         }
         this
     }
 
     /// δ of the unworn pair at the phase `phi`, from 0 to below one base pitch.
-    pub(crate) fn unworn(&self, frame: &Frame, phi: f64, windows: &mut Vec<Window>) -> f64 {
-        frame.target
-            / self
-                .at(frame, phi, windows)
-                .map(|spring| spring.stiffness)
-                .sum::<f64>()
+    pub(crate) fn unworn(&self, frame: &Frame, phi: f64) -> f64 {
+        let mut stiffness = 0.0;
+        self.springs_at(frame, phi, |spring| stiffness += spring.stiffness);
+        frame.target / stiffness
     }
 
-    /// The springs at the phase `phi`.
-    fn at<'a>(
-        &'a self,
-        frame: &'a Frame,
-        phi: f64,
-        windows: &'a mut Vec<Window>,
-    ) -> impl Iterator<Item = Spring> + 'a {
-        windows.clear();
-        frame.path.windows_at(phi, windows);
-        let spring =
-            |window| Spring::from_window(&frame.path, &frame.stiffness, self.hertz, window);
-        windows.iter().map(spring)
+    /// Calls `found` for each of the springs at the phase `phi`.
+    fn springs_at(&self, frame: &Frame, phi: f64, mut found: impl FnMut(Spring)) {
+        let Frame {
+            path, stiffness, ..
+        } = frame;
+        path.spans_at(phi, |span| {
+            found(Spring::from_span(path, stiffness, self.hertz, span));
+        });
     }
 
     /// The greatest F/b at each node over the mesh period, for the gap `g` that is solved by `delta`
@@ -140,8 +135,7 @@ impl WholeFace {
             values: &loads,
             period: f64::INFINITY,
         };
-        let mut windows = Vec::new();
-        let mut exact = |end: f64| load(end, self.unworn(frame, end.rem_euclid(p), &mut windows));
+        let mut exact = |end: f64| load(end, self.unworn(frame, end.rem_euclid(p)));
         let at: Option<&mut dyn FnMut(f64) -> f64> =
             if is_zero_gap { Some(&mut exact) } else { None };
         path.greatest_in_contact(&function, short.window, Lead::default(), at)
@@ -173,7 +167,6 @@ pub(crate) struct WholeFaceBalance<'a> {
 /// Working memory, reused from sample to sample.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Memory {
-    windows: Vec<Window>,
     springs: Vec<Spring>,
 }
 
@@ -184,12 +177,12 @@ impl Balance for WholeFaceBalance<'_> {
     }
 
     fn at(&mut self, phi: f64, _guess: f64) -> f64 {
-        let mut memory = std::mem::take(self.memory);
-        memory.springs.clear();
-        let springs = self.teeth.at(self.frame, phi, &mut memory.windows);
-        memory.springs.extend(springs);
-        let delta = self.balance(&memory.springs);
-        *self.memory = memory;
+        let mut springs = std::mem::take(&mut self.memory.springs);
+        springs.clear();
+        self.teeth
+            .springs_at(self.frame, phi, |spring| springs.push(spring));
+        let delta = self.balance(&springs);
+        self.memory.springs = springs;
         delta
     }
 }
