@@ -1,7 +1,12 @@
+import hypothesis
 import pytest
 from simulators import BOWL, bowl
 
 import pitchline
+
+# A busy machine is no failure.
+hypothesis.settings.register_profile("any-machine", deadline=None)
+hypothesis.settings.load_profile("any-machine")
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,4 @@
 import pickle
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +103,7 @@ def test_many_designs_are_computed_at_once(designs):
 
 
 def test_a_campaign_can_be_a_dictionary():
+    tomllib = pytest.importorskip("tomllib")
     sections = tomllib.loads((CAMPAIGNS / "pair.toml").read_text(encoding="utf-8"))
     sections["bounds"]["profile_shift"]["pinion"] = np.array([-0.05, 0.55])
     designs = Designs(sections)
@@ -118,6 +118,7 @@ def test_a_campaign_can_be_a_dictionary():
 
 
 def test_the_optimum_of_a_campaign_is_a_pair(tmp_path):
+    tomllib = pytest.importorskip("tomllib")
     sections = tomllib.loads((CAMPAIGNS / "quick.toml").read_text(encoding="utf-8"))
     campaign = pitchline.Campaign(sections)
     results = campaign.run(tmp_path / "quick.db", out=tmp_path / "report", progress=False)

@@ -72,6 +72,7 @@ complete -c coordinator -n "__fish_coordinator_using_subcommand run" -l http -d 
 complete -c coordinator -n "__fish_coordinator_using_subcommand run" -l log-format -d 'The format of the log' -r -f -a "text\t'Lines for people'
 json\t'One JSON object per line'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand run" -l allow-network-store -d 'Accept a store on a network file system, whose locks and syncs may be unreliable'
+complete -c coordinator -n "__fish_coordinator_using_subcommand run" -l until-input-ends -d 'Stop as at Ctrl-C once standard input ends: for a program that starts this one and may be killed'
 complete -c coordinator -n "__fish_coordinator_using_subcommand run" -l retry-failed -d 'Compute again what failed in every attempt: samples that count as failed, designs, and candidates of searches'
 complete -c coordinator -n "__fish_coordinator_using_subcommand run" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c coordinator -n "__fish_coordinator_using_subcommand serve" -l db -d 'The store; a campaign that it holds is continued' -r -F

@@ -176,7 +176,8 @@ fn parameters_of_a_subset_serve_all_points() {
         let ((whole, _), best) = of(1000);
         let ((part, covered), model) = of(300);
         let loss = model.negative_log_likelihood() - best.negative_log_likelihood();
-        println!("{variance}: {whole} {part} {covered} {loss}");
+        // Without noise the likelihood of a smooth function says more with every point.
+        assert!(variance == 0.0 || loss < 3.0, "{variance}: {loss}");
         assert!(covered > 0.8, "{variance}: {covered}");
         assert!(part < 2.0 * whole + 1e-7, "{variance}: {part} {whole}");
     }
