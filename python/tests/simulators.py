@@ -1,5 +1,7 @@
 """A small campaign of a function."""
 
+from pathlib import Path
+
 import pitchline
 
 BOWL = {
@@ -22,3 +24,20 @@ def bowl(x, y, rng):
         raise ValueError("x is too far away")
     depth = (x - 0.5) ** 2 + (y + 0.5) ** 2
     return depth if rng is None else depth + rng.normal(0.0, 0.1)
+
+
+def slow_campaign(db, out, seconds):
+    """A program that runs the campaign with a function that takes so long."""
+    return f"""
+import sys, time
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from simulators import BOWL, bowl
+import pitchline
+
+@pitchline.simulator
+def slow(x, y, rng):
+    time.sleep({seconds})
+    return bowl(x, y, rng)
+
+pitchline.Campaign(BOWL, simulator=slow).run({str(db)!r}, out={str(out)!r}, workers=2, progress=False)
+"""

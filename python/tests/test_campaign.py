@@ -3,11 +3,10 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
-from simulators import BOWL, bowl
+from simulators import BOWL, bowl, slow_campaign
 
 import pitchline
 from pitchline.simulate import Simulator
@@ -117,24 +116,9 @@ def test_a_campaign_without_a_feasible_design_says_so_and_keeps_its_results(tmp_
     assert reasons == {"refused: the sea is rough"}
 
 
-INTERRUPTED = """
-import sys, time
-sys.path.insert(0, {tests!r})
-from simulators import BOWL, bowl
-import pitchline
-
-@pitchline.simulator
-def slow(x, y, rng):
-    time.sleep(0.02)
-    return bowl(x, y, rng)
-
-pitchline.Campaign(BOWL, simulator=slow).run({db!r}, out={out!r}, workers=2, progress=False)
-"""
-
-
 def test_ctrl_c_stops_in_order_and_the_same_call_continues(tmp_path, finished):
     db, out = tmp_path / "a.db", tmp_path / "report"
-    program = INTERRUPTED.format(tests=str(Path(__file__).parent), db=str(db), out=str(out))
+    program = slow_campaign(db, out, seconds=0.02)
     child = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120.0
     while time.monotonic() < deadline:

@@ -10,25 +10,11 @@ import time
 from pathlib import Path
 
 import pytest
-from simulators import BOWL, bowl
+from simulators import BOWL, bowl, slow_campaign
 
 import pitchline
 
 ROUNDS = int(os.environ.get("PITCHLINE_SOAK_ROUNDS", "2"))
-
-PROGRAM = """
-import sys, time
-sys.path.insert(0, {tests!r})
-from simulators import BOWL, bowl
-import pitchline
-
-@pitchline.simulator
-def slow(x, y, rng):
-    time.sleep(0.01)
-    return bowl(x, y, rng)
-
-pitchline.Campaign(BOWL, simulator=slow).run({db!r}, out={out!r}, workers=2, progress=False)
-"""
 
 
 def family(pid):
@@ -52,7 +38,7 @@ def wait_for_the_end_of(pids):
 def test_the_same_call_goes_on_after_kills(round, tmp_path, finished):
     chance = random.Random(4600 + round)
     db, out = tmp_path / "a.db", tmp_path / "report"
-    program = PROGRAM.format(tests=str(Path(__file__).parent), db=str(db), out=str(out))
+    program = slow_campaign(db, out, seconds=0.01)
     acts = []
     for _ in range(6):
         child = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
