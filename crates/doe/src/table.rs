@@ -149,7 +149,7 @@ impl WithSimd for Scan<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self {
             table,
             i,
@@ -167,7 +167,12 @@ impl WithSimd for Scan<'_> {
         for start in run.step_by(BLOCK) {
             let sums = add_squares([0.0; BLOCK], before, table.stride, i, start);
             let sums = add_squares(sums, behind, table.stride, i, start);
-            if smallest(&sums) >= limit {
+            let (vectors, _) = S::as_simd_f32s(&sums);
+            let is_near = |vector: &S::f32s| {
+                let near = simd.less_than_f32s(*vector, simd.splat_f32s(limit));
+                simd.first_true_m32s(near) < S::F32_LANES
+            };
+            if !vectors.iter().any(is_near) {
                 continue;
             }
             // Which lanes are near is hard to predict, so no branch depends on it.
@@ -211,23 +216,6 @@ fn add_squares(
         }
     }
     sums
-}
-
-/// The smallest value of a block without NaN, by halves: a chain of comparisons would not vectorise.
-#[inline(always)]
-fn smallest(values: &[f32; BLOCK]) -> f32 {
-    let mut values = *values;
-    let mut half = BLOCK / 2;
-    while half > 0 {
-        for lane in 0..half {
-            let other = values[lane + half];
-            if other < values[lane] {
-                values[lane] = other;
-            }
-        }
-        half /= 2;
-    }
-    values[0]
 }
 
 #[cfg(test)]
