@@ -3,7 +3,7 @@
 use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
 
-const STUDIES: [&str; 7] = [
+const STUDIES: [&str; 8] = [
     "simulator",
     "contact",
     "percentile",
@@ -11,6 +11,7 @@ const STUDIES: [&str; 7] = [
     "kriging",
     "optimisation",
     "runner",
+    "cores",
 ];
 
 #[test]
@@ -85,11 +86,11 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     let output = sandbox.coordinator(&arguments);
     assert_code(&output, 0);
     let lines = printed(&output);
-    assert_eq!(lines.matches(": measured before, ").count(), 6, "{lines}");
+    assert_eq!(lines.matches(": measured before, ").count(), 7, "{lines}");
     assert!(lines.contains("kriging: measured, "), "{lines}");
     let after = STUDIES.map(read);
     assert!(
-        [0, 1, 2, 3, 5, 6]
+        [0, 1, 2, 3, 5, 6, 7]
             .iter()
             .all(|&study| before[study] == after[study])
     );

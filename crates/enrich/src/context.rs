@@ -1,6 +1,6 @@
 //! Data that every step of a round shares: rows, settings, exact constraints and random streams.
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use stats::streams::{Purpose, StreamRng, stream};
 
@@ -22,16 +22,16 @@ pub(crate) struct Context<'a> {
     /// Number of earlier rounds.
     pub(crate) round: usize,
     /// The caller's evaluation of the exact constraints and the baseline of a design.
-    pub(crate) exact: &'a dyn Fn(&[f64]) -> Option<ExactCriteria>,
+    pub(crate) exact: &'a (dyn Fn(&[f64]) -> Option<ExactCriteria> + Sync),
     /// Number of calls of `exact`.
-    pub(crate) evaluations: Cell<u64>,
+    pub(crate) evaluations: AtomicU64,
 }
 
 impl Context<'_> {
     /// The exact constraints and the baseline of `x`. The violation is NaN if they cannot be
     /// evaluated.
     pub(crate) fn exact_criteria(&self, x: &[f64]) -> ExactCriteria {
-        self.evaluations.set(self.evaluations.get() + 1);
+        self.evaluations.fetch_add(1, Ordering::Relaxed);
         (self.exact)(x).unwrap_or(ExactCriteria::from(f64::NAN))
     }
 

@@ -12,7 +12,7 @@ use crate::{Criterion, Error, Options};
 ///
 /// Both values are expected falls of the same quantity in µm, so that a new design can be compared with
 /// more samples at an existing one.
-pub(crate) trait InfillCriterion {
+pub(crate) trait InfillCriterion: Sync {
     /// The value of [`Options::samples_new`] samples at a new design.
     fn new_design(&self, x: &[f64], baseline: f64) -> f64;
 

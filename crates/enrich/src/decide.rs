@@ -1,6 +1,6 @@
 //! One round: from rows to infill points, a recommendation and perhaps a reason to stop.
 
-use std::cell::Cell;
+use std::sync::atomic::AtomicU64;
 
 use crate::batch::Batch;
 use crate::confirm::confirm;
@@ -17,7 +17,7 @@ use crate::{Decision, Error, ExactCriteria, Note, Options, State};
 /// `exact` evaluates the cheap deterministic criteria of a design: the violation of the constraints
 /// (in the caller's units; 0 or less is feasible) and a [baseline](ExactCriteria::baseline) of the
 /// response if there is one. It returns `None` if the design cannot be evaluated. No surrogate
-/// stands in for it.
+/// stands in for it. It is called from several threads (rayon's).
 ///
 /// **Models.** One model is fitted to all designs. Another one is fitted around each of the
 /// [`Options::basins`] best designs that are at least 15 % of a range apart, to the
@@ -53,7 +53,7 @@ use crate::{Decision, Error, ExactCriteria, Note, Options, State};
 /// model that cannot be fitted is a note, not an error.
 pub fn decide<F, K>(state: &State, options: &Options, exact: &F) -> Result<Decision, Error>
 where
-    F: Fn(&[f64]) -> Option<K>,
+    F: Fn(&[f64]) -> Option<K> + Sync,
     K: Into<ExactCriteria>,
 {
     options.check()?;
@@ -64,7 +64,7 @@ where
         options,
         round: state.rounds.len(),
         exact: &|x: &[f64]| exact(x).map(Into::into),
-        evaluations: Cell::new(0),
+        evaluations: AtomicU64::new(0),
     };
     let mut batch = Batch {
         infill: Vec::new(),
@@ -101,7 +101,7 @@ where
         expected_improvement: expectation.map(|expectation| expectation.expected_um),
         stop,
         notes: batch.notes,
-        constraint_evaluations: context.evaluations.get(),
+        constraint_evaluations: context.evaluations.into_inner(),
     })
 }
 

@@ -1,6 +1,7 @@
 //! The models of a round and the regions that infill points are sought in.
 
 use kriging::Warning;
+use rayon::prelude::*;
 
 use crate::context::Context;
 use crate::surrogate::Surrogate;
@@ -60,10 +61,13 @@ impl Regions {
         if rows.sampled[incumbents[0]].violation > 0.0 {
             notes.push(Note::NoFeasibleDesign);
         }
-        let mut basins: Vec<Vec<Region>> = centres(context, &global[0], &incumbents)
-            .into_iter()
-            .map(|centre| basin(context, notes, &global, centre))
+        let found: Vec<(Vec<Region>, Vec<Note>)> = centres(context, &global[0], &incumbents)
+            .into_par_iter()
+            .map(|centre| basin(context, &global, centre))
             .collect();
+        let (mut basins, notes_on_basins): (Vec<Vec<Region>>, Vec<Vec<Note>>) =
+            found.into_iter().unzip();
+        notes.extend(notes_on_basins.into_iter().flatten());
         // A local model may order the basins differently than the model of all designs.
         let quantile = |b: &Vec<Region>| upper_quantile(context, &b[0].model, b[0].best);
         basins.sort_by(|a, b| quantile(a).total_cmp(&quantile(b)));
@@ -89,12 +93,13 @@ impl Regions {
 
     /// Updates every model as if `samples` samples at `x` had given its own prediction.
     pub(crate) fn believe(&mut self, x: &[f64], samples: u32) {
-        for region in self.basins.iter_mut().chain([&mut self.whole]) {
+        let regions = self.basins.par_iter_mut().chain([&mut self.whole]);
+        regions.for_each(|region| {
             // A point too near to another one cannot be added, and the model needs none there.
             if let Ok(after) = region.model.kriging_believer(x, samples) {
                 region.model = after;
             }
-        }
+        });
     }
 
     /// The best design of the best basin, if it is feasible.
@@ -141,12 +146,8 @@ fn centres(context: &Context<'_>, model: &Surrogate, incumbents: &[usize]) -> Ve
 
 /// The basin around a row, once for each model, the one with the smaller residuals first. A model of
 /// the nearest designs replaces that of all designs where its residuals are smaller.
-fn basin(
-    context: &Context<'_>,
-    notes: &mut Vec<Note>,
-    global: &[Surrogate],
-    centre: usize,
-) -> Vec<Region> {
+fn basin(context: &Context<'_>, global: &[Surrogate], centre: usize) -> (Vec<Region>, Vec<Note>) {
+    let mut notes = Vec::new();
     let rows = &context.rows;
     let x = &rows.sampled[centre].x;
     let mut near: Vec<usize> = (0..rows.sampled.len()).collect();
@@ -206,7 +207,7 @@ fn basin(
             incumbents,
         }
     });
-    regions.collect()
+    (regions.collect(), notes)
 }
 
 /// The quantile by which designs are compared.

@@ -1,5 +1,7 @@
 //! The best observations of one region, which compete by value per sample.
 
+use rayon::prelude::*;
+
 use crate::Error;
 use crate::context::Context;
 use crate::criterion::{self, InfillCriterion};
@@ -80,9 +82,10 @@ fn most_promising(
     criterion: &dyn InfillCriterion,
 ) -> Option<(usize, f64)> {
     let sampled = &context.rows.sampled;
-    let feasible = region.incumbents.iter().copied();
-    feasible
+    let feasible = region.incumbents.par_iter().copied();
+    let values: Vec<(usize, f64)> = feasible
         .filter(|&i| sampled[i].violation <= 0.0)
         .map(|i| (i, criterion.more_samples(&sampled[i])))
-        .max_by(|a, b| a.1.total_cmp(&b.1))
+        .collect();
+    values.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))
 }

@@ -1,8 +1,9 @@
 //! The search for the new design of highest value within one region.
 
-use cmaes::{Bounds, Evaluation, Restarts, RunOptions};
+use cmaes::{Bounds, Evaluation, Restarts, Run, RunOptions};
 use rand::{Rng, RngExt as _};
 use rand_distr::StandardNormal;
+use rayon::prelude::*;
 
 use crate::context::Context;
 use crate::criterion::InfillCriterion;
@@ -25,7 +26,7 @@ pub(crate) struct Candidate {
 
 /// Searches a region for the feasible design of highest value: the best of random candidates, half
 /// of them near the region's best design, is improved by CMA-ES with feasibility-first ranking.
-/// `None` if no feasible design was found.
+/// `None` if no feasible design was found. rayon's threads share the candidates.
 pub(crate) fn search<R>(
     context: &Context<'_>,
     region: &Region,
@@ -50,7 +51,7 @@ where
         context.probability(x) * gain
     };
     let within = Bounds::new(region.bounds.clone())?;
-    let mut evaluate = |x: &[f64]| -> Evaluation {
+    let evaluate = |x: &Vec<f64>| -> Evaluation {
         let x = &context.rounded(x)[..];
         let probability = context.probability(x);
         let criteria = if probability > 0.0 {
@@ -87,8 +88,8 @@ where
     let mut candidates = candidates(region, centre, tries, rng);
     candidates.push(centre.clone());
     let mut start: Option<(Vec<f64>, Evaluation)> = None;
-    for x in candidates {
-        let evaluation = evaluate(&x);
+    let evaluations: Vec<Evaluation> = candidates.par_iter().map(evaluate).collect();
+    for (x, evaluation) in candidates.into_iter().zip(evaluations) {
         let better = |(_, best): &(_, Evaluation)| evaluation.is_better_than(best);
         if within.contains(&x) && start.as_ref().is_none_or(better) {
             start = Some((x, evaluation));
@@ -106,7 +107,13 @@ where
         restarts: Restarts::FromBest,
         restart_at: None,
     };
-    let found = match cmaes::minimise_run(&start, run, rng, &mut evaluate) {
+    let mut run = Run::new(&start, run)?;
+    while !run.is_finished() {
+        let generation = run.ask(rng);
+        let told: Vec<Evaluation> = generation.par_iter().map(evaluate).collect();
+        run.tell(&told, rng)?;
+    }
+    let found = match run.outcome() {
         Ok(outcome) => {
             let evaluation = Evaluation {
                 value: outcome.value,

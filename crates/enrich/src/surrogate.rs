@@ -1,6 +1,7 @@
 //! The kriging models that a round is decided with.
 
 use kriging::{Conditional, Data, FitOptions, Model};
+use rayon::prelude::*;
 
 use crate::Options;
 use crate::belief::Belief;
@@ -49,11 +50,18 @@ impl Surrogate {
         if sampled().any(|s| s.baseline != 0.0) {
             scales.push(Scale::AboveBaseline);
         }
+        let fitted: Vec<Result<(f64, Self), kriging::Error>> = scales
+            .into_par_iter()
+            .map(|scale| {
+                let model = Self::fit_on(scale, rows, which, options)?;
+                Ok((model.log_density(rows), model))
+            })
+            .collect();
         let mut models = Vec::new();
         let mut refused = None;
-        for scale in scales {
-            match Self::fit_on(scale, rows, which, options) {
-                Ok(model) => models.push((model.log_density(rows), model)),
+        for one in fitted {
+            match one {
+                Ok(model) => models.push(model),
                 Err(error) => refused = Some(error),
             }
         }

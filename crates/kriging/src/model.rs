@@ -61,6 +61,24 @@ pub(crate) struct Factorisation {
     pub(crate) factor: Spd,
     /// C⁻¹F and FᵀC⁻¹F.
     pub(crate) gls: Gls,
+    /// The diagonal of C⁻¹, computed when it is needed first.
+    inverse_diagonal: OnceLock<Vec<f64>>,
+}
+
+impl Factorisation {
+    pub(crate) const fn new(factor: Spd, gls: Gls) -> Self {
+        Self {
+            factor,
+            gls,
+            inverse_diagonal: OnceLock::new(),
+        }
+    }
+
+    /// The diagonal of C⁻¹: n³/6 multiplications at the first call.
+    pub(crate) fn inverse_diagonal(&self) -> &[f64] {
+        let diagonal = || self.factor.inverse_diagonal();
+        self.inverse_diagonal.get_or_init(diagonal)
+    }
 }
 
 impl Model {
@@ -285,7 +303,7 @@ impl Model {
             match Spd::factor(matrix) {
                 Ok(factor) => {
                     if let Some(gls) = self.solve_trend(&factor) {
-                        return Ok((Factorisation { factor, gls }, jitter));
+                        return Ok((Factorisation::new(factor, gls), jitter));
                     }
                 }
                 Err(NotPositiveDefinite { pivot }) => observation = Some(self.points.first[pivot]),

@@ -3,8 +3,8 @@
 //! The decision of a round follows from rows and seed alone, so a coordinator that was killed
 //! before the decision was on disk makes the same one again.
 
-use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use anyhow::Context as _;
 use enrich::{Decision, ExactCriteria, Infill, Note, Reason, RoundRecord, SampledDesign, State};
@@ -348,7 +348,7 @@ impl Rows {
             // No region is safe yet.
             false => Caution::Probable,
         };
-        let calls = Cell::new(0);
+        let calls = AtomicU64::new(0);
         let models = constraints::are_asked(problem)
             .then(|| constraints::Models::fit(problem, &self.evaluated(problem, base)));
         let exact = |x: &[f64]| -> Option<ExactCriteria> {
@@ -360,7 +360,7 @@ impl Rows {
                 });
             }
             let (known, took) = infill::known(problem, &problem.design(x, base))?;
-            calls.set(calls.get() + took);
+            calls.fetch_add(took, Ordering::Relaxed);
             Some(known)
         };
         let mut decision = enrich::decide(&state, &options, &exact)?;
@@ -423,7 +423,7 @@ impl Rows {
                 .map(serde_json::to_string)
                 .transpose()?,
             notes_json: serde_json::to_string(&decision.notes)?,
-            simulator_calls: calls.get(),
+            simulator_calls: calls.into_inner(),
             cpu_seconds: 0.0,
         };
         Ok((

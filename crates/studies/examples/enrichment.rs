@@ -25,7 +25,7 @@
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
-use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use cmaes::Bounds;
 use enrich::{
@@ -105,9 +105,9 @@ fn verify(problem: &Problem, design: &Design) -> (f64, (f64, f64)) {
 }
 
 /// The exact constraints and baseline of a design; the analyses are added to `plain`.
-fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &Cell<u64>) -> Option<ExactCriteria> {
+fn exact(problem: &Problem, base: &Design, x: &[f64], plain: &AtomicU64) -> Option<ExactCriteria> {
     let (known, took) = stages::infill::known(problem, &problem.design(x, base))?;
-    plain.set(plain.get() + took);
+    plain.fetch_add(took, Ordering::Relaxed);
     Some(known)
 }
 
@@ -116,14 +116,14 @@ fn sampled(
     problem: &Problem,
     base: &Design,
     x: &[f64],
-    plain: &Cell<u64>,
+    plain: &AtomicU64,
 ) -> Option<ExactCriteria> {
     let found = exact(problem, base, x, plain)?;
     if found.baseline > 0.0 {
         return Some(found);
     }
     let pair = gears(problem).pair(&problem.design(x, base)).ok()?;
-    plain.set(plain.get() + 2);
+    plain.fetch_add(2, Ordering::Relaxed);
     let baseline = pair.archard(gears(problem).wear()).analysis.delta_ste_um;
     Some(ExactCriteria { baseline, ..found })
 }
@@ -162,7 +162,7 @@ fn paper(problem: &Problem, seed: u64, without: &str, rows: &mut Vec<Row>) {
             let count = campaign.sampling.samples_per_design;
             if let Some((p90, variance)) = response(problem, &base, &x, i as u64, count) {
                 worn += u64::from(count);
-                let known = exact(problem, &base, &x, &Cell::new(0));
+                let known = exact(problem, &base, &x, &AtomicU64::new(0));
                 let violation = known.map_or(f64::INFINITY, |known| known.violation);
                 points.push((x, p90, variance, violation));
             }
@@ -279,7 +279,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
     let mut numbers: Vec<u64> = Vec::new();
     let mut next = DESIGNS as u64;
     let mut worn = 0_u32;
-    let plain = Cell::new(0_u64);
+    let plain = AtomicU64::new(0);
     for i in 0..DESIGNS {
         let x = problem.free_point(design.point(i));
         let Some(known) = sampled(problem, &base, &x, &plain) else {
@@ -387,7 +387,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         interval,
         predicted: Some((best.predicted, best.interval.0, best.interval.1)),
         worn: u64::from(worn),
-        plain: plain.get(),
+        plain: plain.load(Ordering::Relaxed),
         cpu,
     })
 }

@@ -133,7 +133,8 @@ pub(crate) struct Tradeoff {
     /// are not measured again [default: NAME-tradeoff]
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
-    /// Measure only these studies: simulator, percentile, estimators, kriging, optimisation, runner
+    /// Measure only these studies: simulator, contact, percentile, estimators, kriging,
+    /// optimisation, runner, cores
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = study)]
     pub(crate) study: Vec<lab::tradeoff::Kind>,
     /// Measure for a minute or two instead of eight

@@ -209,7 +209,7 @@ impl Model {
     pub(super) fn residuals(&self) -> Vec<Residual> {
         let n = self.points.len();
         let factorisation = self.factorisation();
-        let diagonal = factorisation.factor.inverse_diagonal();
+        let diagonal = factorisation.inverse_diagonal();
         let mut row = vec![0.0; factorisation.gls.coefficients()];
         (0..n)
             .map(|i| {

@@ -57,7 +57,7 @@ impl Model {
         let extended = self.extended_factor(&model);
         let factorisation = extended.and_then(|factor| {
             let gls = model.solve_trend(&factor)?;
-            Some(Factorisation { factor, gls })
+            Some(Factorisation::new(factor, gls))
         });
         match factorisation {
             Some(factorisation) => {

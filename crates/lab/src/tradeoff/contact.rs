@@ -60,8 +60,11 @@ struct Measurement<'a> {
 
 pub(crate) fn run(size: Size, progress: &mut dyn FnMut(&str)) -> anyhow::Result<Table> {
     let cases = cases();
-    // A test takes every so many cases, of all pairs.
-    let step = cases.len() / size.designs(cases.len(), cases.len()).clamp(1, cases.len());
+    // A quick measurement takes every third case and a test fewer, of all pairs.
+    let step = cases.len()
+        / size
+            .designs(cases.len(), cases.len() / 3)
+            .clamp(1, cases.len());
     let cases: Vec<&Case> = cases.iter().step_by(step).collect();
     let mut table = Table::new(&COLUMNS);
     let mut rows: Vec<Vec<Row>> = CLASSES.iter().map(|_| Vec::new()).collect();

@@ -12,6 +12,7 @@
 
 mod clock;
 mod contact;
+mod cores;
 mod data;
 mod estimators;
 mod front;
@@ -29,7 +30,7 @@ mod view;
 pub use clock::process_seconds;
 pub use front::{Reason, Rule, front, recommend};
 pub use page::page;
-pub use runner::{ApproachResult, Load, Runner, RunnerTimes};
+pub use runner::{ApproachResult, CampaignTimes, Load, Runner, RunnerTimes};
 pub use size::Size;
 pub use study::{Kind, Study};
 pub use table::{Row, Table};

@@ -78,7 +78,7 @@ pub(crate) fn run(
     let seeds = size.pick(6, 3, 1);
     let efforts: &[f64] = match size {
         Size::Full => &[0.03, 0.1, 0.3, 1.0],
-        Size::Quick => &[0.03, 0.1, 0.3],
+        Size::Quick => &[0.03, 0.1],
         Size::Designs(_) => &[0.02],
     };
     let mut table = Table::new(&COLUMNS);
@@ -92,6 +92,7 @@ pub(crate) fn run(
         for seed in 0..seeds {
             let mut plain = scaled(campaign, effort);
             plain.seed += seed;
+            plain.optimise.direct = true;
             results.extend(runner.campaign(&plain)?);
             let enriched = enriched(&plain, effort);
             let of_enrichment = runner.campaign(&enriched)?.into_iter();
@@ -120,12 +121,11 @@ pub(crate) fn run(
     Ok(table)
 }
 
-/// Returns the campaign at this effort, without enrichment and with the direct search.
-fn scaled(campaign: &Campaign, effort: f64) -> Campaign {
+/// Returns the campaign at this effort, without enrichment.
+pub(crate) fn scaled(campaign: &Campaign, effort: f64) -> Campaign {
     let mut campaign = campaign.clone();
     let scaled = |count: u32| ((f64::from(count) * effort).round() as u32).max(FEWEST.min(count));
     campaign.doe.designs = scaled(campaign.doe.designs);
-    campaign.optimise.direct = true;
     campaign.optimise.evaluations = scaled(campaign.optimise.evaluations);
     let half = campaign.optimise.evaluations / 2;
     campaign.optimise.restart_at = campaign.optimise.restart_at.map(|at| scaled(at).min(half));

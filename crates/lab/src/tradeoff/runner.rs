@@ -1,6 +1,7 @@
 //! The time that leases, messages, processes and the store add to that of the simulator.
 
 use problem::{Approach, Campaign};
+use results::costs::StageCost;
 
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
@@ -71,6 +72,15 @@ pub struct ApproachResult {
     pub percentile: f64,
 }
 
+/// The times of a whole campaign.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CampaignTimes {
+    /// From the start of the program to its end, in seconds.
+    pub seconds: f64,
+    /// The stages in their order.
+    pub stages: Vec<StageCost>,
+}
+
 /// A runner of samples and campaigns.
 pub trait Runner {
     /// Runs samples with workers.
@@ -86,6 +96,13 @@ pub trait Runner {
     ///
     /// The campaign failed.
     fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<ApproachResult>>;
+
+    /// Runs a whole campaign on this number of processors.
+    ///
+    /// # Errors
+    ///
+    /// The campaign failed.
+    fn timed(&mut self, campaign: &Campaign, processors: usize) -> anyhow::Result<CampaignTimes>;
 }
 
 pub(crate) fn run(
@@ -200,6 +217,10 @@ mod tests {
         }
 
         fn campaign(&mut self, _: &Campaign) -> anyhow::Result<Vec<ApproachResult>> {
+            anyhow::bail!("no campaign is asked for")
+        }
+
+        fn timed(&mut self, _: &Campaign, _: usize) -> anyhow::Result<CampaignTimes> {
             anyhow::bail!("no campaign is asked for")
         }
     }

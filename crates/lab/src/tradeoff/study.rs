@@ -7,7 +7,9 @@ use crate::tradeoff::runner::Runner;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::Table;
 use crate::tradeoff::view::View;
-use crate::tradeoff::{contact, estimators, kriging, optimisation, percentile, runner, simulator};
+use crate::tradeoff::{
+    contact, cores, estimators, kriging, optimisation, percentile, runner, simulator,
+};
 
 /// The kinds of study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,6 +28,8 @@ pub enum Kind {
     Optimisation,
     /// The overhead of the runner.
     Runner,
+    /// The campaign on more and more processors.
+    Cores,
 }
 
 /// A study with its measurements.
@@ -37,7 +41,7 @@ pub struct Study {
 
 impl Kind {
     /// All kinds, from the simulator outwards.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Simulator,
         Self::Contact,
         Self::Percentile,
@@ -45,6 +49,7 @@ impl Kind {
         Self::Kriging,
         Self::Optimisation,
         Self::Runner,
+        Self::Cores,
     ];
 
     #[must_use]
@@ -57,6 +62,7 @@ impl Kind {
             Self::Kriging => "kriging",
             Self::Optimisation => "optimisation",
             Self::Runner => "runner",
+            Self::Cores => "cores",
         }
     }
 
@@ -70,6 +76,7 @@ impl Kind {
             Self::Kriging => "Kriging",
             Self::Optimisation => "Optimisation",
             Self::Runner => "Runner",
+            Self::Cores => "Cores",
         }
     }
 
@@ -84,6 +91,7 @@ impl Kind {
             Self::Kriging => kriging::LEAD,
             Self::Optimisation => optimisation::LEAD,
             Self::Runner => runner::LEAD,
+            Self::Cores => cores::LEAD,
         }
     }
 
@@ -107,6 +115,7 @@ impl Kind {
             Self::Kriging => kriging::run(problem, size, progress),
             Self::Optimisation => optimisation::run(problem, size, runner, progress),
             Self::Runner => runner::run(size, runner, progress),
+            Self::Cores => cores::run(problem, size, runner, progress),
         };
         let table = table.with_context(|| format!("the study {}", self.name()))?;
         Ok(Study { kind: self, table })
@@ -124,6 +133,7 @@ impl Study {
             Kind::Kriging => kriging::PAIRS,
             Kind::Optimisation => optimisation::PAIRS,
             Kind::Runner => runner::PAIRS,
+            Kind::Cores => cores::PAIRS,
         };
         let panels = self.table.panels().into_iter();
         panels

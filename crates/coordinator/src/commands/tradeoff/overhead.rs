@@ -2,18 +2,19 @@
 
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
-use lab::tradeoff::{ApproachResult, Load, RunnerTimes, process_seconds};
+use lab::tradeoff::{ApproachResult, CampaignTimes, Load, RunnerTimes, process_seconds};
 use ledger::{Generation, StreamId, Unit};
 use problem::formulation::Problem;
 use problem::task::{Inputs, Output, Source, compute};
 use problem::{Campaign, probe};
 use rand::RngExt as _;
 use results::optima::Optima;
+use results::snapshot::Snapshot;
 use runner::coordinator::board::{self, Board};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::recorder::StoreRecorder;
@@ -22,6 +23,7 @@ use runner::cpu::thread_seconds;
 use runner::exit::{self, ProgramError};
 use runner::gateway::port::{self, Listeners};
 use runner::worker::{Exec, Interface};
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 use serde_json::{Value, json};
 use stats::streams::{Purpose, stream};
 use store::{CampaignRow, DesignRow, Store};
@@ -32,6 +34,8 @@ use tokio_util::sync::CancellationToken;
 const PER_DESIGN: u32 = 30;
 /// Number of designs whose samples are timed in one thread.
 const TIMED: usize = 100;
+/// The store of a whole campaign.
+const STORE: &str = "campaign.db";
 /// Interval between polls.
 const POLL_PERIOD: Duration = Duration::from_millis(2);
 
@@ -91,30 +95,65 @@ impl lab::tradeoff::Runner for Programs<'_> {
     }
 
     fn campaign(&mut self, campaign: &Campaign) -> anyhow::Result<Vec<ApproachResult>> {
-        let whole = whole(campaign, self.out, &self.shutdown);
-        self.runtime.block_on(whole)
+        let folder = tempfile::tempdir_in(self.out)?;
+        whole(campaign, folder.path(), None, &self.shutdown)?;
+        self.runtime.block_on(approaches(campaign, folder.path()))
+    }
+
+    fn timed(&mut self, campaign: &Campaign, processors: usize) -> anyhow::Result<CampaignTimes> {
+        let folder = tempfile::tempdir_in(self.out)?;
+        let began = Instant::now();
+        whole(campaign, folder.path(), Some(processors), &self.shutdown)?;
+        let seconds = began.elapsed().as_secs_f64();
+        let costs = self.runtime.block_on(async {
+            let store = Store::open_read_only(&folder.path().join(STORE)).await?;
+            let snapshot = Snapshot::read(&store).await?;
+            store.close().await?;
+            anyhow::Ok(snapshot.costs)
+        })?;
+        Ok(CampaignTimes {
+            seconds,
+            stages: costs,
+        })
     }
 }
 
-/// Runs a campaign in a separate process, which ends with `shutdown`.
-async fn whole(
+/// Starts a program that may use only the first of this program's processors, or all of them.
+fn spawn_on(program: &mut Command, processors: Option<usize>) -> anyhow::Result<Child> {
+    let Some(processors) = processors else {
+        return Ok(program.spawn()?);
+    };
+    // A program begins with the processors of the thread that starts it.
+    let all = sched_getaffinity(None)?;
+    let mut some = CpuSet::new();
+    let allowed = (0..CpuSet::MAX_CPU).filter(|cpu| all.is_set(*cpu));
+    allowed.take(processors).for_each(|cpu| some.set(cpu));
+    sched_setaffinity(None, &some)?;
+    let started = program.spawn();
+    sched_setaffinity(None, &all)?;
+    Ok(started?)
+}
+
+/// Runs a campaign in a separate process, which ends with `shutdown`, with its files in `folder`.
+fn whole(
     campaign: &Campaign,
-    out: &Path,
+    folder: &Path,
+    processors: Option<usize>,
     shutdown: &CancellationToken,
-) -> anyhow::Result<Vec<ApproachResult>> {
-    let folder = tempfile::tempdir_in(out)?;
-    let path = |name: &str| folder.path().join(name);
+) -> anyhow::Result<()> {
+    let path = |name: &str| folder.join(name);
     std::fs::write(path("campaign.toml"), toml::to_string(campaign)?)?;
-    let mut program = Command::new(std::env::current_exe()?)
+    let mut program = Command::new(std::env::current_exe()?);
+    program
         .arg("run")
         .arg(path("campaign.toml"))
         .arg("--db")
-        .arg(path("campaign.db"))
+        .arg(path(STORE))
         .arg("--out")
         .arg(path("report"))
         .stdout(Stdio::null())
-        .stderr(std::fs::File::create(path("log"))?)
-        .spawn()?;
+        .stderr(std::fs::File::create(path("log"))?);
+    let mut program = spawn_on(&mut program, processors)?;
     let status = loop {
         if let Some(status) = program.try_wait()? {
             break status;
@@ -124,7 +163,7 @@ async fn whole(
             program.wait()?;
             bail!("stopped");
         }
-        tokio::time::sleep(Duration::from_millis(20)).await;
+        std::thread::sleep(Duration::from_millis(20));
     };
     if !status.success() {
         let log = std::fs::read_to_string(path("log"))?;
@@ -133,7 +172,12 @@ async fn whole(
             campaign.doe.designs
         );
     }
-    let store = Store::open_read_only(&path("campaign.db")).await?;
+    Ok(())
+}
+
+/// The result of each approach of the campaign that ran in `folder`.
+async fn approaches(campaign: &Campaign, folder: &Path) -> anyhow::Result<Vec<ApproachResult>> {
+    let store = Store::open_read_only(&folder.join(STORE)).await?;
     let mut results = Vec::new();
     let problem = Problem::new(campaign.clone());
     for verified in Optima::read(&store, &problem).await?.iter() {
