@@ -278,3 +278,26 @@ fn many_rows_with_unknown_noise_are_fitted() {
     let covered = covered.count();
     assert!((925..=975).contains(&covered), "{covered}");
 }
+
+/// A fit of thousands of points takes seconds to minutes.
+#[test]
+fn a_long_fit_says_how_far_it_is() {
+    let sandbox = Sandbox::new();
+    let rows = (0..3000).map(|i| {
+        // A sequence that fills the square evenly, and a noise without pattern.
+        let [a, b] = [2.0_f64, 3.0].map(|of| (f64::from(i) * of.sqrt()).fract());
+        let noise = 0.1 * (1e4 * (a + 7.0 * b)).sin();
+        format!("{a},{b},{}\n", (5.0 * a).sin() + b + noise)
+    });
+    sandbox.write("t.csv", &format!("a,b,y\n{}", rows.collect::<String>()));
+    let fit = ["fit", "t.csv", "--response", "y", "--method"];
+    for (method, step) in [
+        ("exact", "searching the parameters points=3000 likelihoods=2"),
+        ("vecchia", "leaving out each point in turn points=3000"),
+    ] {
+        let log = [("PITCHLINE_LOG", "info"), ("NO_COLOR", "1")];
+        let output = sandbox.run_with("coordinator", &[&fit[..], &[method]].concat(), &log);
+        assert_code(&output, 0);
+        assert!(errors(&output).contains(step), "{}", errors(&output));
+    }
+}

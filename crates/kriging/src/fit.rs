@@ -16,6 +16,7 @@ use std::borrow::Cow;
 
 use rand::seq::SliceRandom as _;
 use stats::streams::{Purpose, stream};
+use tracing::info;
 
 use crate::data::contradiction;
 use crate::data::scaled::{SIGMA2_BOUNDS, ScaledData};
@@ -33,6 +34,8 @@ use starts::Search;
 /// The ranges, the process variance, the nugget and the trend are those of the highest likelihood found; the
 /// noise variances are taken as given. The result depends on the data and the options only, not on
 /// the order of the observations or the number of threads (rayon's).
+///
+/// Progress: the events of [`tracing`] say it, from 3000 points on.
 ///
 /// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications, for n up to [`FitOptions::subset`].
 /// Beyond, the parameters are those of so many random points, and the model of all takes two factors more. Memory 3 n² numbers.
@@ -105,6 +108,12 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         let parameters = parameters(&optimum.outcome.at);
         Model::new(kernel, trend, points.clone(), parameters, optimum.jitter)
     };
+    if searched.len() < scaled.len() {
+        info!(
+            points = scaled.len(),
+            "factorising the covariance of all points"
+        );
+    }
     let mut made = model(&optimum)?;
     if searched.len() < scaled.len()
         && made.jitter > optimum.jitter

@@ -32,6 +32,7 @@ mod neighbours;
 use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
+use tracing::info;
 
 use crate::data::scaled::ScaledData;
 use crate::data::{Data, Points, contradiction, keep_repeated, merge_repeated};
@@ -166,9 +167,11 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     let variances = usize::from(options.nugget.is_estimated());
     // The ranges, the nugget, σ² and μ.
     warnings.extend(few_points(distinct, ranges + variances + 2));
+    info!(points = n, "computing the likelihood of all points");
     let (mut fitted, value) = with_parameters(options, points, &scaled, order, &process)?;
     warnings.extend(no_structure(&scaled, value, ranges + variances));
     warnings.extend(of_subset);
+    info!(points = n, "leaving out each point in turn");
     warnings.extend(fitted.warnings_of_residuals(options.neighbours));
     fitted.warnings = warnings;
     Ok(fitted)

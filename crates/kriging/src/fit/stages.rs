@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use rayon::prelude::*;
+use tracing::info;
 
 use super::newton::{Limits, Outcome, minimise};
 use super::starts::{Search, TOLERANCE};
@@ -21,6 +22,8 @@ const STAGED: usize = 450;
 const FOLLOWED: usize = 2;
 /// Tolerance of a search on a subset, in place of [`TOLERANCE`].
 pub(super) const SUBSET_TOLERANCE: f64 = 1e-2;
+/// Number of points from which every likelihood is reported: it then takes about a second on one core.
+const REPORTED: usize = 3000;
 /// Iterations that take the curvature from the likelihood in a search on a subset, which ends early.
 const RENEWED: usize = 3;
 /// Such iterations of the last search, which quasi-Newton updates bring to convergence.
@@ -123,6 +126,8 @@ impl Search<'_> {
             },
         };
         let mut likelihood = Likelihood::new(self.form(), Cow::Borrowed(subset), jitter);
+        let points = subset.len();
+        let mut likelihoods = 0;
         let mut best: Option<Optimum> = None;
         for jitter in JITTERS.into_iter().filter(|j| *j >= jitter) {
             likelihood.jitter = jitter;
@@ -133,7 +138,18 @@ impl Search<'_> {
                 } else {
                     Order::Gradient
                 };
-                likelihood.evaluate(at, order)
+                let evaluation = likelihood.evaluate(at, order);
+                likelihoods += 1;
+                if points >= REPORTED {
+                    let found = evaluation.as_ref().map(|evaluation| evaluation.value);
+                    info!(
+                        points,
+                        likelihoods,
+                        negative_log_likelihood = found,
+                        "searching the parameters"
+                    );
+                }
+                evaluation
             };
             let Some(outcome) = minimise(evaluate, from, &limits) else {
                 continue;

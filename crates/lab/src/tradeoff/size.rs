@@ -3,9 +3,9 @@
 /// The size of a study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Size {
-    /// Reliable figures: eight minutes of CPU time for the paper's campaign.
+    /// Reliable figures: ten minutes of CPU time for the paper's campaign.
     Full,
-    /// Rough figures: a minute or two.
+    /// Rough figures: two minutes.
     Quick,
     /// About this many designs, for tests of the program.
     Designs(u32),
