@@ -292,7 +292,10 @@ fn a_long_fit_says_how_far_it_is() {
     sandbox.write("t.csv", &format!("a,b,y\n{}", rows.collect::<String>()));
     let fit = ["fit", "t.csv", "--response", "y", "--method"];
     for (method, step) in [
-        ("exact", "searching the parameters points=3000 likelihoods=2"),
+        (
+            "exact",
+            "searching the parameters points=3000 likelihoods=2",
+        ),
         ("vecchia", "leaving out each point in turn points=3000"),
     ] {
         let log = [("PITCHLINE_LOG", "info"), ("NO_COLOR", "1")];
