@@ -59,9 +59,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let test: Vec<f64> = (0..TESTS * d).map(|_| rng.random()).collect();
 
     let (began, before) = (Instant::now(), processor_seconds());
-    let model: Surrogate = match what {
-        None => fit_vecchia(&data, &VecchiaOptions::default())?.into(),
-        Some(_) => fit(&data, &FitOptions::default())?.into(),
+    let (model, calibrated): (Surrogate, Surrogate) = match what {
+        None => {
+            let model = fit_vecchia(&data, &VecchiaOptions::default())?;
+            (model.clone().into(), model.calibrated().into())
+        }
+        Some(_) => {
+            let model = fit(&data, &FitOptions::default())?;
+            (model.clone().into(), model.calibrated().into())
+        }
     };
     println!(
         "n = {n}, d = {d}: fit in {:.1} s, {:.1} s of processor time, nll {:.1}",
@@ -86,10 +92,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     let covered = errors
         .iter()
         .filter(|(error, sd)| error.abs() <= 1.6449 * sd);
+    let scale = calibrated.calibration();
+    let of_calibrated = errors
+        .iter()
+        .filter(|(error, sd)| error.abs() <= 1.6449 * sd * scale.sqrt());
     println!(
-        "rmse {:.3e}, coverage of 90 % intervals {:.3}",
+        "rmse {:.3e}, coverage of 90 % intervals {:.3}, with variances calibrated by {scale:.2} {:.3}",
         (squares / TESTS as f64).sqrt(),
-        covered.count() as f64 / TESTS as f64
+        covered.count() as f64 / TESTS as f64,
+        of_calibrated.count() as f64 / TESTS as f64
     );
     // The largest resident set so far, from the process's status (proc(5)).
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
