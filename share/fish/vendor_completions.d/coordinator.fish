@@ -201,11 +201,11 @@ json\t'One JSON object per line'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand pareto" -l json -d 'Print the tables as one JSON object instead of the page'
 complete -c coordinator -n "__fish_coordinator_using_subcommand pareto" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l out -d 'The folder of tables, charts and page; studies in it of the same campaign, size and program are not measured again [default: NAME-tradeoff]' -r -F
-complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l study -d 'Measure only these studies: simulator, percentile, estimators, kriging, optimisation, runner' -r
+complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l study -d 'Measure only these studies: simulator, contact, percentile, estimators, kriging, optimisation, runner, cores' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l designs -d 'Number of designs to measure, for tests of the command' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l log-format -d 'The format of the log' -r -f -a "text\t'Lines for people'
 json\t'One JSON object per line'"
-complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l quick -d 'Measure for a minute or two instead of eight'
+complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l quick -d 'Measure for two minutes instead of ten'
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l json -d 'Print the tables as one JSON object'
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c coordinator -n "__fish_coordinator_using_subcommand simulate-cluster" -l workers -d 'Numbers of workers' -r
