@@ -83,7 +83,7 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
     let html = std::fs::read_to_string(sandbox.path("r/report.html")).expect("the report");
     assert!(html.contains("verified P10 of y"));
     assert!(!html.contains("P90") && !html.contains("minus_y"));
-    // Of the approaches the one whose percentile is largest is recommended, and comes first.
+    // The approach with the largest percentile is recommended, and comes first.
     let optima = status["optima"].as_array().expect("a list");
     let of = |one: &Value| one["measure"]["value"].as_f64();
     let largest = optima.iter().filter_map(of).fold(f64::MIN, f64::max);

@@ -342,7 +342,7 @@ impl ToothIntegrals {
             || {
                 let mut moments = Vec::with_capacity(y.len());
                 while let [first, ..] = y[moments.len()..] {
-                    // Of loads one beside the other, most lie in the same panel.
+                    // Neighbouring loads mostly lie in the same panel.
                     let several = y[moments.len()..].first_chunk::<LANES>();
                     let several = several.filter(|heights| {
                         heights[1..]

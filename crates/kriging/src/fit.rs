@@ -38,7 +38,7 @@ use starts::Search;
 /// Progress: the events of [`tracing`] say it, from 3000 points on.
 ///
 /// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications, for n up to [`FitOptions::subset`].
-/// Beyond, the parameters are those of so many random points, and the model of all takes two factors more. Memory 3 n² numbers.
+/// Beyond, the parameters are those of a random subset of this size, and the model of all points takes two factors more. Memory 3 n² numbers.
 ///
 /// # Errors
 ///

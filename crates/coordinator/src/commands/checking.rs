@@ -393,7 +393,7 @@ impl TrialTimes {
             calls.evaluations as f64 * design_seconds + calls.samples as f64 * sample_seconds
         });
         Self {
-            // Of a few designs the share says little.
+            // The share among a few designs says little.
             sampled: 1.0,
             reason: String::new(),
             feasible: None,

@@ -19,7 +19,7 @@ const SUFFICIENT: f64 = 1e-4;
 /// rounding of value and gradient, and is insignificant in a log likelihood.
 const HIDDEN: f64 = 1e-3;
 
-/// A decrease of so many rounding errors may not show in values.
+/// Number of rounding errors below which a decrease may not show in values.
 const SEVERAL: f64 = 10.0;
 /// The most lengths tried for a step: an evaluation can take seconds.
 const LENGTHS: usize = 20;

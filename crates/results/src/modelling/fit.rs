@@ -106,7 +106,7 @@ pub fn fit(table: &Table, request: &Request) -> Result<Fit, Error> {
         Ok::<_, Error>((surrogate, warnings))
     })?;
     let mut model = ModelFile::new(&columns.inputs, columns.response, surrogate);
-    // Of all observations, before those of one point are merged.
+    // The mean noise variance of all observations, before those of one point are merged.
     let of_one = |(v, y): (&f64, &f64)| match settings.response {
         kriging::Response::Plain => *v,
         kriging::Response::Log => v / (y * y),

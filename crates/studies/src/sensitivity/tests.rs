@@ -132,7 +132,7 @@ fn slope_deviations_are_part_of_the_random_input() {
 fn every_free_variable_scatter_and_torque_is_an_input() {
     let mut campaign = Campaign::parse("pair.toml", &Campaign::pair_named("pair")).unwrap();
     let load = &mut campaign.gears_mut().unwrap().load;
-    // Of the mean, all cases count.
+    // All cases count in the mean.
     load.cases
         .iter_mut()
         .for_each(|case| case.weight = Some(1.0));

@@ -15,7 +15,7 @@ use crate::state::{OpenDesign, Progress};
 const POINTS: u64 = 2;
 /// Number of rounds before the one that stops.
 const ROUNDS: usize = 3;
-/// A fit needs so many designs.
+/// Number of designs that a fit needs.
 const FITTED: usize = 3;
 
 /// A point of a round.
