@@ -59,14 +59,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let test: Vec<f64> = (0..TESTS * d).map(|_| rng.random()).collect();
 
     let (began, before) = (Instant::now(), processor_seconds());
-    let (model, calibrated): (Surrogate, Surrogate) = match what {
+    let (model, calibration): (Surrogate, Box<dyn FnOnce() -> f64>) = match what {
         None => {
             let model = fit_vecchia(&data, &VecchiaOptions::default())?;
-            (model.clone().into(), model.calibrated().into())
+            let own = model.clone();
+            (model.into(), Box::new(|| own.calibrated().calibration()))
         }
         Some(_) => {
             let model = fit(&data, &FitOptions::default())?;
-            (model.clone().into(), model.calibrated().into())
+            let own = model.clone();
+            (model.into(), Box::new(|| own.calibrated().calibration()))
         }
     };
     println!(
@@ -92,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let covered = errors
         .iter()
         .filter(|(error, sd)| error.abs() <= 1.6449 * sd);
-    let scale = calibrated.calibration();
+    let scale = calibration();
     let of_calibrated = errors
         .iter()
         .filter(|(error, sd)| error.abs() <= 1.6449 * sd * scale.sqrt());

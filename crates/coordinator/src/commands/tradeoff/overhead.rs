@@ -1,4 +1,4 @@
-//! Samples computed through board, workers and store, for the trade-off study of the runner.
+//! What the trade-off studies measure with programs: samples through board, workers and store, and whole campaigns.
 
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
@@ -105,15 +105,14 @@ impl lab::tradeoff::Runner for Programs<'_> {
         let began = Instant::now();
         whole(campaign, folder.path(), Some(processors), &self.shutdown)?;
         let seconds = began.elapsed().as_secs_f64();
-        let costs = self.runtime.block_on(async {
+        self.runtime.block_on(async {
             let store = Store::open_read_only(&folder.path().join(STORE)).await?;
             let snapshot = Snapshot::read(&store).await?;
             store.close().await?;
-            anyhow::Ok(snapshot.costs)
-        })?;
-        Ok(CampaignTimes {
-            seconds,
-            stages: costs,
+            Ok(CampaignTimes {
+                seconds,
+                stages: snapshot.costs,
+            })
         })
     }
 }
