@@ -42,7 +42,7 @@ impl<P: Clone> Ledger<P> {
         let is_missing = |first| missing.iter().any(|range| range.contains(&first));
         history.deaths.retain(|_, death| is_missing(death.first));
         if id.kind == Kind::Run {
-            // Its failures were of candidates that have their results by now.
+            // The failures belong to candidates whose results are stored by now.
             history.failures = 0;
         }
         self.settled.remove(&id);
@@ -121,7 +121,7 @@ impl<P: Clone> Ledger<P> {
         self.workers.see(worker, now).is_some()
     }
 
-    /// Records a call that only a living worker makes. A report does not show that: it may be stored after the worker's
+    /// Records a call that only a living worker makes. A report is not such a call: it may be stored after the worker's
     /// death.
     fn hear(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
@@ -133,8 +133,8 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Records that a worker is leaving: it gets no further leases, and the crashes and failures of
-    /// those that it still holds do not count.
+    /// Records that a worker is leaving: it gets no further leases, and the crashes and failures of the leases that it
+    /// still holds do not count.
     pub fn leaves(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
             state.is_leaving = true;
@@ -158,10 +158,10 @@ impl<P: Clone> Ledger<P> {
 
     /// Grants a lease to a registered worker, or `None` if there is no work for it.
     ///
-    /// A stream that this worker just failed comes last, because a second attempt is worth more on
-    /// another worker, and only after the worker has succeeded with a control. When nothing is free, a
-    /// worker with an idle slot gets a copy of a lease that another worker has held for long, in case
-    /// that worker is slow. The first delivery counts.
+    /// A stream that this worker just failed comes last, because a second attempt is worth more on another worker, and
+    /// is granted only after the worker has succeeded with a control. When nothing is free, a worker with an idle slot
+    /// gets a copy of a lease that another worker has held for long, in case that worker is slow. The first delivery
+    /// counts.
     pub fn lease(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
         self.wake(now);
         self.hear(worker, now);
@@ -282,7 +282,7 @@ impl<P: Clone> Ledger<P> {
                 None
             }
         };
-        // The criteria of a design alone, whose samples fail, are no success.
+        // A unit without simulated samples is not a success, for example the criteria of a design whose samples fail.
         let has_samples = delivery
             .stored
             .iter()
@@ -324,8 +324,9 @@ impl<P: Clone> Ledger<P> {
         (failures.collect(), suspended)
     }
 
-    /// Ends the expired leases. A worker that was silent meanwhile [counts as dead](Self::mark_dead). A worker that
-    /// calls without naming the lease never got it.
+    /// Ends the expired leases. A worker that was silent meanwhile [counts as dead](Self::mark_dead). If the worker has
+    /// called, it never received the lease, because its calls would have extended it. Such a lease ends without a
+    /// death.
     pub fn expire(&mut self, now: Duration) -> Vec<Crash> {
         self.wake(now);
         let mut crashes = Vec::new();

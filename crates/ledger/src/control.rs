@@ -10,8 +10,8 @@ use crate::ledger::Ledger;
 use crate::state::{Control, Lease};
 use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
 
-/// The order in which units are preferred as controls. A design asks for everything that a
-/// simulator can be asked for, and its generation stays the same.
+/// The order in which units are preferred as controls. A design makes every request that a simulator can get, and its
+/// generation stays the same.
 const fn preference(kind: Kind) -> u32 {
     match kind {
         Kind::Design => 0,
@@ -21,8 +21,8 @@ const fn preference(kind: Kind) -> u32 {
 }
 
 impl<P: Clone> Ledger<P> {
-    /// Names a unit that was computed before, which workers whose jobs fail get as a control. The
-    /// ledger takes one from what is delivered, too. Only the first sample of the unit is used.
+    /// Sets the control: a unit that was computed before, which workers whose jobs fail get. The ledger also takes a
+    /// control from the delivered units. Only the first sample of the unit is used.
     pub fn set_control(&mut self, mut unit: Unit, source: P) {
         let rank = |unit: &Unit| preference(unit.stream.kind);
         let held = self.control.as_ref();
@@ -32,9 +32,9 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Whether the worker must succeed with a control before it gets these units, which have
-    /// failed since it last succeeded. After an outage longer than
-    /// [`Options::retry_for`](crate::Options::retry_for) no control is required.
+    /// Whether the worker must succeed with a control before it gets these units: it has failed too many streams, or a
+    /// unit has failed since the worker last succeeded. No control is required after an outage longer than
+    /// [`Options::retry_for`](crate::Options::retry_for).
     pub(crate) fn needs_control(&self, worker: &WorkerId, units: &[Unit], now: Duration) -> bool {
         if self.control.is_none() || self.is_hopeless(now) {
             return false;
@@ -87,7 +87,8 @@ impl<P: Clone> Ledger<P> {
         })
     }
 
-    /// The part of a unit that takes a simulator.
+    /// The samples of a unit that need the simulator, which excludes samples known beforehand; `None` if there are
+    /// none.
     pub(crate) fn simulated(&self, unit: &Unit) -> Option<Unit> {
         let StreamId { kind, index } = unit.stream;
         let known = match kind {
@@ -122,8 +123,8 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Whether nothing has succeeded for so long that failures are final, and nothing that was
-    /// leased before may still succeed.
+    /// Whether failures are final: nothing has succeeded for [`Options::retry_for`](crate::Options::retry_for), and no
+    /// lease from before the first failure is still open.
     pub(crate) fn is_hopeless(&self, now: Duration) -> bool {
         self.fails_since.is_some_and(|since| {
             now.saturating_sub(since) >= self.options.retry_for

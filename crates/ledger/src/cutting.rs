@@ -97,9 +97,9 @@ impl<P: Clone> Ledger<P> {
         units
     }
 
-    /// The stream that a worker gets next. Streams that it has failed come after others, and isolated streams come last, since
-    /// the worker must first have delivered everything else. Streams that only another machine may compute, and those in
-    /// doubt, are left out.
+    /// The stream that a worker gets next. Streams that it has failed come after others. Isolated streams come last,
+    /// since the worker must first have delivered everything else. Streams that only another machine may compute, and
+    /// those in doubt, are left out.
     fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
         let state = self.workers.known.get(worker)?;
         let is_for_others = |id: &StreamId| {

@@ -1,11 +1,12 @@
 //! Deaths of workers, and the streams that are suspected of them.
 //!
 //! A worker that dies holds leases, and any of their streams may be the cause. A death counts against a stream only if
-//! its worker held no other. Otherwise all of them are suspects: each gets leases of its own, and one that was present
-//! at two deaths is computed alone: by a worker that holds nothing else, once other work is leased. The next death then
-//! shows whether it was the cause, and costs no other stream anything.
+//! its worker held no other. Otherwise all of them are suspects, and each gets leases of its own. A suspect that was
+//! present at two deaths is computed alone, by a worker that holds nothing else, after all other work is leased. So is
+//! a stream against which a death counts. The next death then shows whether the stream was the cause, and costs no
+//! other stream anything.
 //!
-//! Deaths count by the first sample of the unit that was held, and are forgotten when it is stored: two deaths with a
+//! Deaths count by the first sample of the held unit, and are forgotten when that sample is stored: two deaths with a
 //! success in between have different causes, for example a machine that is switched off every evening.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +17,7 @@ use crate::state::Stream;
 use crate::types::{Crash, Death, LeaseId, StreamId, Unit, WorkerId};
 
 impl<P> Stream<P> {
-    /// The largest number of deaths at one sample: those suffered alone, and all.
+    /// The largest numbers of deaths at one sample: deaths of workers that held no other stream, and all deaths.
     fn worst(&self) -> (usize, usize) {
         let mut at: BTreeMap<u32, (usize, usize)> = BTreeMap::new();
         for death in self.deaths.values() {
@@ -48,8 +49,8 @@ impl<P: Clone> Ledger<P> {
         stream.is_some_and(|stream| !stream.deaths.is_empty() && stream.is_isolated())
     }
 
-    /// Whether a stream is held in a way that may be about to kill its worker, so that a second one must not begin with it:
-    /// by a worker without a connection, or alone.
+    /// Whether a held stream may be about to kill its worker, so that no second worker may begin with it: the holder
+    /// has no connection, or the stream is computed alone.
     pub(crate) fn is_in_doubt(&self, id: StreamId) -> bool {
         let holders = self.holders(id);
         let is_disconnected = |id: &LeaseId| {
@@ -73,16 +74,16 @@ impl<P: Clone> Ledger<P> {
         units.any(|unit| self.is_isolated(unit.stream))
     }
 
-    /// Records that a worker has no connection. No other worker gets a copy of what it holds, which may have killed it,
-    /// before it is known whether it [comes back](Self::heartbeat) or [has died](Self::mark_dead).
+    /// Records that a worker has no connection. Its leases may have killed it, so no other worker gets a copy of them
+    /// before it is known whether the worker [comes back](Self::heartbeat) or [has died](Self::mark_dead).
     pub fn mark_disconnected(&mut self, worker: &WorkerId) {
         if let Some(state) = self.workers.known.get_mut(worker) {
             state.is_disconnected = true;
         }
     }
 
-    /// Ends the leases of a worker that has died, as far as can be told from outside. All of them were open. If the
-    /// worker calls again, the deaths are taken back, and it goes on with what is still needed.
+    /// Ends the leases of a worker that seems to have died, and records the death for their streams. If the worker
+    /// calls again, the death is taken back, and the worker continues with the samples that are still needed.
     pub fn mark_dead(&mut self, worker: &WorkerId, now: Duration) -> Vec<Crash> {
         let Some(state) = self.workers.known.get_mut(worker) else {
             return Vec::new();
@@ -104,9 +105,9 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Counts the death of a worker that left a note of what it was computing. This replaces what
-    /// [`mark_dead`](Self::mark_dead) has counted for it. Units that are not missing any more are left out; those of streams
-    /// that are not wanted yet are returned, for their [`History`](crate::History).
+    /// Counts the death of a worker that left a note of the units it was computing, `begun`. This replaces the deaths
+    /// that [`mark_dead`](Self::mark_dead) has counted for the worker. Units that are no longer missing are left out.
+    /// The deaths of streams that are not wanted yet are returned, too, for their [`History`](crate::History).
     pub fn record_death(&mut self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
         self.take_deaths_back(worker);
         if let Some(state) = self.workers.known.remove(worker) {
@@ -164,7 +165,7 @@ impl<P: Clone> Ledger<P> {
         true
     }
 
-    /// Takes the deaths of a worker back that was only silent.
+    /// Takes back the deaths of a worker that was only silent.
     pub(crate) fn take_deaths_back(&mut self, worker: &WorkerId) {
         if let Some(state) = self.workers.known.get_mut(worker) {
             state.is_dead = false;
@@ -177,7 +178,7 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    /// Takes the death of a worker back that has delivered a stream after all.
+    /// Takes back the death of a worker that has delivered the stream after all.
     pub(crate) fn take_death_back(&mut self, worker: &WorkerId, id: StreamId) {
         let Some(stream) = self.streams.get_mut(&id) else {
             return;

@@ -91,9 +91,8 @@ pub enum Explanation {
 }
 
 impl<P: Clone> Ledger<P> {
-    /// The reasons why no work, or no more work, is being leased at `now`. Never empty; the most
-    /// important comes first. A worker counts as present if it called within the length of a lease. `name` names a stream
-    /// for users.
+    /// The reasons why no work, or no more work, is being leased at `now`. Never empty; the most important comes first.
+    /// A worker counts as present if it called within the length of a lease. `name` names a stream for users.
     pub fn explain(&self, now: Duration, name: impl Fn(StreamId) -> String) -> Vec<Explanation> {
         let (free, leased) = (self.free.len(), self.leases.len());
         let open = self.streams.len() - self.quarantined.len();

@@ -14,8 +14,8 @@ use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
 const LEARNING_RATE: f64 = 0.3;
 /// Upper bound on the expected duration of a lease, in seconds: ten years.
 const LONGEST_LEASE: f64 = 3e8;
-/// A worker that was silent for this many lease times is forgotten. If it calls again, it is told
-/// to register.
+/// Number of lease times of silence after which a worker is forgotten. If the worker calls again, it is told to
+/// register.
 const FORGOTTEN_AFTER: u32 = 60;
 
 impl<P: Clone> Ledger<P> {
@@ -210,8 +210,8 @@ impl<P: Clone> Ledger<P> {
         needed
     }
 
-    /// An old enough lease of another worker, with those of its units that this worker is to
-    /// compute as well.
+    /// A lease of another worker that is older than the [patience](Self::patience_at), with the units that this worker
+    /// computes a second time.
     pub(crate) fn double(
         &mut self,
         worker: &WorkerId,
@@ -239,7 +239,7 @@ impl<P: Clone> Ledger<P> {
                 stream.is_some_and(|stream| !stream.deaths.is_empty())
             };
             if units.iter().any(is_suspect) {
-                // The stream that kills workers is found only if each is computed by itself.
+                // The stream that kills workers is found only if each suspect is computed by itself.
                 units.truncate(1);
             }
             units.retain(|unit| !holds_any || !self.is_isolated(unit.stream));

@@ -36,7 +36,7 @@
 //! - The free samples of a stream are its missing samples that are on no lease and do not wait
 //!   after a failure.
 //! - A sample is on at most two leases, of different workers.
-//! - A stream that is computed alone is on leases of workers that hold nothing else, from the time of its second death.
+//! - A worker that is granted a stream that is computed alone holds nothing else.
 //! - A settled stream stays settled, unless more samples are wanted or its generation changes.
 //! - Lease numbers only increase.
 //! - The state is a function of the calls and their times. It does not depend on a clock, random

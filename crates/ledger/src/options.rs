@@ -5,8 +5,8 @@ use std::time::Duration;
 /// Heartbeats of a worker in the time of a lease.
 pub const HEARTBEATS_PER_LEASE: u32 = 6;
 
-/// Heartbeats of all workers together, per second, above which leases get longer. A heartbeat costs the
-/// coordinator some 200 µs, so that all of them take a tenth of a processor.
+/// Heartbeats of all workers together, per second, above which leases get longer. A heartbeat costs the coordinator
+/// some 200 µs, so this number takes a tenth of a processor.
 const HEARTBEATS_PER_SECOND: f64 = 500.0;
 
 /// Minimum lease that keeps the heartbeats of this many workers below [`HEARTBEATS_PER_SECOND`].
@@ -23,9 +23,9 @@ pub struct Options {
     pub lease: Duration,
     /// Crashes of different worker processes after which a stream is quarantined; at least 1.
     pub max_crashes: usize,
-    /// Attempts of a sample, or of a design's analyses, that fail before the failure is final; at
-    /// least 1. An attempt after the first counts only if its worker has succeeded with something
-    /// else since the one before: otherwise the fault may be in what all designs depend on.
+    /// Failed attempts of a sample, or of a design's analyses, after which the failure is final; at least 1. An attempt
+    /// after the first counts only if its worker has succeeded with something else since the attempt before: otherwise
+    /// the fault may be in something that all designs depend on.
     pub max_failures: u32,
     /// Wait after a first failure. Each further wait is four times as long, up to
     /// [`Self::longest_wait`].
@@ -35,8 +35,8 @@ pub struct Options {
     /// How long everything may fail before streams with [`Self::max_failures`] failed attempts are
     /// quarantined. A shorter outage, for example of a licence server, only delays the campaign.
     pub retry_for: Duration,
-    /// Streams that a worker may fail without a delivery in between before it gets a control, and is
-    /// suspended if it fails that, too, or if there is none; at least 1.
+    /// Streams that a worker may fail without a delivery in between before it gets a control; at least 1. The worker is
+    /// suspended if it fails the control, too, or if there is no control.
     pub max_worker_strikes: usize,
     /// Length of a worker's first suspension. Each suspension in a row is twice as long while other
     /// workers deliver, up to 32 times.
@@ -44,8 +44,8 @@ pub struct Options {
     /// Whether a sample may take hours. Until the first is delivered, a lease then has a single
     /// sample.
     pub long_samples: bool,
-    /// Numbers of the samples of the first designs that are known beforehand. A worker that delivers them has not shown that
-    /// its simulator works.
+    /// Number of samples known beforehand, for each of the first designs. A worker that delivers only these has not
+    /// shown that its simulator works.
     pub known_samples: Vec<u32>,
     /// Whether several designs may share a lease. Only benchmarks set this to false.
     pub bundle: bool,

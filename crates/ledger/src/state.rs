@@ -22,7 +22,7 @@ pub(crate) struct Stream<P> {
     pub(crate) leases: BTreeSet<LeaseId>,
     /// The workers that died while they held the stream, which then gets leases of its own.
     pub(crate) deaths: BTreeMap<WorkerId, Death>,
-    /// Failures before a restart, of whichever sample fails next.
+    /// Failures before a restart. They count for the sample that fails next.
     pub(crate) earlier_failures: u32,
     /// See [`StreamDemand::is_tolerant`](crate::StreamDemand::is_tolerant).
     pub(crate) is_tolerant: bool,

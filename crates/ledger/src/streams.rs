@@ -182,7 +182,7 @@ impl<P: Clone> Ledger<P> {
         }
         stream.earlier_failures = 0;
         failing.machines.insert(machine);
-        // The first failure counts, since it has to be explained.
+        // The first attempt counts. A later one counts only if the worker has succeeded since the attempt before.
         failing.counted += u32::from(failing.attempts == 0 || failing.turn < succeeded_at);
         failing.attempts += 1;
         failing.turn = self.turn;
@@ -212,7 +212,7 @@ impl<P: Clone> Ledger<P> {
         (failure, suspended)
     }
 
-    /// Whether a worker on another machine could compute what this worker fails.
+    /// Whether a worker on another machine could compute the samples that this worker fails.
     pub(crate) fn other_machines(&self, worker: &WorkerId, now: Duration) -> bool {
         let host = self.workers.known.get(worker).map(|state| &state.host);
         let mut present = self.workers.present(2 * self.options.lease, now);
@@ -222,8 +222,8 @@ impl<P: Clone> Ledger<P> {
         })
     }
 
-    /// Whether a sample of a stream has failed on this machine alone, so often that only another one can tell whether the
-    /// sample or the machine is at fault.
+    /// Whether a sample of a stream has failed on this machine alone, so often that only another one can tell whether
+    /// the sample or the machine is at fault.
     pub(crate) fn has_failed_enough(&self, id: StreamId, host: &str) -> bool {
         let failing = self.streams.get(&id).map(|stream| &stream.failing);
         let mut failing = failing.into_iter().flat_map(BTreeMap::values);

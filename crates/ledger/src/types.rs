@@ -63,8 +63,8 @@ impl StreamId {
         ((self.index >> 32) as u32, self.index as u32)
     }
 
-    /// The stream as one number, by which the store knows it: the kind in the upper 8 bits, and below them the index
-    /// of a design or a point, or a run's approach in 24 bits and its start in 32. A design's is its index.
+    /// The stream as one number, by which the store knows it. The upper 8 bits hold the kind. The lower bits hold the
+    /// index of a design or a point, or a run's approach in 24 bits and its start in 32. A design's key is its index.
     #[must_use]
     pub const fn key(self) -> u64 {
         let kind = match self.kind {
@@ -212,8 +212,8 @@ pub struct StreamDemand<P> {
     pub missing: Vec<Range<u32>>,
     /// Deaths and failures before a restart.
     pub history: History,
-    /// Whether a failure that repeats while others succeed is a result of the stream, reported as
-    /// [`Failure::Conclusive`], and no reason to quarantine it.
+    /// Whether a failure that repeats while others succeed becomes a result of the stream, reported as
+    /// [`Failure::Conclusive`], instead of quarantining it.
     pub is_tolerant: bool,
 }
 

@@ -206,7 +206,7 @@ fn a_candidate_that_always_fails_is_a_result_after_three_attempts() {
     let mut ledger = ledger(alone(), 0, 0, &[]);
     ledger.want(tolerant(run, 6));
     let mut shift = Shift::new(ledger);
-    // The last two of a generation: no other work shows that the simulator is well.
+    // The last two samples of a generation fail: no other work shows that the simulator works.
     shift.work(|_, stream, sample, _| stream == run && sample >= 4);
     let expected = [
         Failure::Retry(at(0.5)),
@@ -258,7 +258,7 @@ fn a_worker_that_cannot_compute_anything_proves_nothing_against_the_designs() {
     assert!(status.unwrap().failed < 10, "it is suspended");
 }
 
-/// What is known to work may be named, for example after a restart.
+/// A unit that is known to work can be set as the control, for example after a restart.
 #[test]
 fn a_worker_of_a_restarted_coordinator_gets_the_control_that_is_named() {
     let run = StreamId::run(3, 0);
@@ -307,8 +307,8 @@ fn nothing_is_over_while_what_was_leased_before_may_succeed() {
     );
 }
 
-/// A machine without a library that the simulator needs fails what another computes. Its other samples succeed, so that
-/// the control proves nothing against it.
+/// One machine fails a sample that another machine computes, for example because it lacks a library. Its other samples
+/// succeed, so the worker passes the control.
 #[test]
 fn a_sample_that_fails_on_one_machine_is_tried_on_another() {
     let mut ledger = ledger(alone(), 20, 1, &[]);

@@ -59,7 +59,8 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
 }
 
 /// A worker that computes its leases in order, as many at a time as it has slots, and dies with a deadly design. Its
-/// connection is lost at once, another is started at once, and what the dead one held is free 2.5 s after its death.
+/// connection is lost at once, another worker is started at once, and the leases of the dead one are free 2.5 s after
+/// its death.
 fn deaths_of(
     slots: usize,
     deadly: &[StreamId],
@@ -81,7 +82,7 @@ fn deaths_of(
             while let Some((until, dead)) = dying.pop_front_if(|(until, _)| *until <= now) {
                 ledger.mark_dead(&dead, until);
             }
-            // It holds some leases ahead.
+            // It prefetches some leases.
             while held.len() < slots + 2
                 && let Some(grant) = ledger.lease(&worker(&name), now)
             {
@@ -250,7 +251,7 @@ fn near_the_end_an_idle_worker_gets_what_another_has_held_for_long() {
     assert!(ledger.is_idle());
 }
 
-/// The stream's last samples were delivered in another way: the ranges held precede them.
+/// The stream's last samples were delivered in another way. The ranges that a worker still holds precede them.
 #[test]
 fn what_is_held_from_before_a_restart_is_accepted_though_the_last_of_it_is_stored() {
     let mut before = ledger(alone(), 1, 12, &["a"]);
