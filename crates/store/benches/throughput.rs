@@ -1,9 +1,9 @@
 //! Measures how fast the store writes and reads samples: `cargo bench -p store --bench
 //! throughput -- [DESIGNS] [SAMPLES] [FILE]`. A relative FILE is in this package's folder.
 //!
-//! First four callers submit batches of whole designs, as four busy workers would. Then two
-//! callers, each with 256 submissions in flight, submit one-row batches, as no-op jobs would: first
-//! all of one design, then each of another. The reads of a status page and of a restart are timed last. An existing file is not filled again.
+//! First four callers submit batches of whole designs, as four busy workers would. Then two callers, each with 256
+//! submissions in flight, submit one-row batches, as no-op jobs would: first all of one design, then each of another.
+//! The reads of a status page and of a restart are timed last. An existing file is not filled again.
 
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
@@ -118,7 +118,7 @@ async fn fill(
     small(&store, "batches of one sample", one_sample).await?;
     small(&store, "batches of one job time", one_time).await?;
     small(&store, "batches of one sample and one job time", both).await?;
-    // Each batch of another design, as the jobs of a DoE are that end out of order.
+    // Each batch belongs to another design, like the jobs of a DoE that end out of order.
     let apart = |i| Batch {
         samples: vec![SampleBlock {
             stream: StreamId::design((i % designs) as u32),

@@ -28,7 +28,7 @@ pub struct Batch {
     pub evaluations: Vec<EvaluationRow>,
     /// Costs of jobs.
     pub times: Vec<JobTimeRow>,
-    /// What the optimiser runs were computed from.
+    /// Derivations of the optimiser runs.
     pub derivations: Vec<Derivation>,
     /// Failures. They are appended, except those stored already under the same worker and number.
     pub failures: Vec<FailureRow>,
@@ -92,7 +92,7 @@ pub(crate) async fn insert(
             current.push((owner, origin, *batch));
         }
     }
-    // Together: samples of neighbouring batches share a block, and each job has a time.
+    // For all batches at once: samples of neighbouring batches share a block, and each job has a time.
     let samples: Vec<_> = current
         .iter()
         .map(|(owner, origin, batch)| (*owner, *origin, &*batch.samples))

@@ -106,8 +106,8 @@ pub(crate) async fn pin_model_digest(
     }
 }
 
-/// Replaces the campaign by a larger one. The responses go, so that all that rests on them goes while the larger
-/// campaign samples.
+/// Replaces the campaign by a larger one and removes the responses, so that all results computed from them are found to
+/// be outdated while the larger campaign samples.
 pub(crate) async fn extend(
     connection: &mut Connection<'_>,
     row: &CampaignRow,

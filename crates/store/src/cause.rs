@@ -8,8 +8,8 @@ const TEMPORARY: [&str; 3] = ["/tmp", "/var/tmp", "/dev/shm"];
 /// The beginnings of random names in other folders.
 const PREFIXES: [&str; 3] = ["tmp", ".tmp", "pitchline-"];
 
-/// The error's first line without what differs between failures of the same cause. Numbers,
-/// addresses and random names become `#`; of the folders of a path only the first one stays.
+/// The error's first line without the parts that differ between failures of the same cause. Numbers, addresses and
+/// random names become `#`, and the middle folders of a path become `…`.
 pub(crate) fn cause(error: &str) -> String {
     let mut cause = without_names(&without_folders(first_line(error)));
     cause.truncate(cause.floor_char_boundary(LONGEST));

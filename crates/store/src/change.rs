@@ -1,4 +1,4 @@
-//! What a transaction of the writer changes.
+//! Changes that the writer makes in a transaction.
 
 use std::sync::{Arc, OnceLock};
 
@@ -38,7 +38,7 @@ pub(crate) enum Change {
     Generations(Vec<(StreamId, u64)>),
     /// Removes the evaluations of a run.
     NoEvaluations(StreamId),
-    /// Removes results, or only counts them, and tells how many.
+    /// Removes results, or only counts them if the flag is set, and puts their numbers into the cell.
     Discard(Discard, bool, Arc<OnceLock<RemovedRows>>),
     /// Removes results that stand for failures whose reason begins with this text.
     NoFailures(String),
@@ -69,8 +69,8 @@ impl Change {
     }
 }
 
-/// Makes one change, or some batches together. The outer error means that the transaction failed, the
-/// inner one that these rows were refused and left no trace.
+/// Makes one change, or some batches together. The outer error means that the transaction failed. An inner error means
+/// that these rows were refused and left no trace.
 pub(crate) async fn make(
     connection: &mut Connection<'_>,
     changes: &[Change],
@@ -140,7 +140,7 @@ async fn one(connection: &mut Connection<'_>, change: &Change) -> Result<Receipt
         }
         Change::Discard(what, is_trial, told) => {
             let removed = discard::discard(connection, what, *is_trial).await?;
-            // A change is made once.
+            // The cell is empty, because a change is made once.
             let _ = told.set(removed);
             Ok(Receipt::default())
         }

@@ -1,4 +1,4 @@
-//! The number of commits, which the lock file has, too.
+//! The number of commits, which the lock file records, too.
 
 use crate::Error;
 use crate::connection::Connection;

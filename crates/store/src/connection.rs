@@ -24,7 +24,7 @@ use crate::row::{self, Row};
 /// The most rows of one statement, whose parameters SQLite limits to 32 766.
 const ROWS_PER_STATEMENT: usize = 1000;
 
-/// The values of a row of a statement with many.
+/// The values of one row in a statement that inserts many.
 pub(crate) type Values<'a> = Separated<'a, Sqlite, &'static str>;
 
 /// A connection to a store's file. It runs statements and converts SQLite's errors to [`Error`]s
@@ -79,7 +79,7 @@ impl Readers {
         Ok(Connection { sql, path })
     }
 
-    /// Readers that all see one moment.
+    /// Readers that all see the same state of the store.
     pub(crate) async fn snapshot(&self, path: &Path) -> Result<Self, Error> {
         Ok(match self {
             Self::Pool(pool) => {
@@ -167,7 +167,8 @@ impl Connection<'_> {
         })
     }
 
-    /// Begins a transaction for reads of one moment, which may be that of a transaction around it.
+    /// Begins a transaction whose reads all see the same state. Within another transaction, they see the state of that
+    /// one.
     pub(crate) async fn moment(&mut self) -> Result<Connection<'_>, Error> {
         let path = Arc::clone(&self.path);
         let begun = self.sql().begin().await;
@@ -211,8 +212,8 @@ impl Connection<'_> {
         Ok(done.map_err(|e| self.failed(e))?.rows_affected())
     }
 
-    /// Inserts rows with one statement for many: a statement takes a round trip to SQLite's thread, which costs more
-    /// than a row. `statement` is what comes before and after the rows' values, which `bind` adds.
+    /// Inserts many rows with one statement: a statement takes a round trip to SQLite's thread, which costs more than a
+    /// row. `statement` holds the text before and after the values of the rows, which `bind` adds.
     pub(crate) async fn insert_many<T>(
         &mut self,
         statement: [&'static str; 2],
@@ -223,7 +224,7 @@ impl Connection<'_> {
         for rows in rows.chunks(ROWS_PER_STATEMENT) {
             let mut builder = QueryBuilder::new(before);
             builder.push_values(rows, |mut values, row| bind(&mut values, row));
-            // Not kept: statements differ by their number of rows.
+            // Not cached: statements differ by their number of rows.
             let query = builder.push(after).build().persistent(false);
             self.execute(query).await?;
         }

@@ -22,7 +22,7 @@ pub enum DerivedResult {
     Model,
     /// The run of an optimiser.
     Run(StreamId),
-    /// A round of infill, and the model of the enrichment's end.
+    /// A round of infill, with the model of the enrichment's end.
     Round(u64),
     /// The optimum that is verified at this point.
     Optimum(StreamId),
@@ -46,7 +46,7 @@ impl DerivedResult {
     }
 }
 
-/// What a derived result was computed from.
+/// The inputs and the outcome of a derived result.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Derivation {
     /// [`DerivedResult::name`] of the result.
@@ -132,8 +132,8 @@ pub(crate) async fn remove_named(
     connection.execute(query).await
 }
 
-/// Removes derived results with their derivations. What workers computed for them goes with them, and results
-/// that come late are refused.
+/// Removes derived results with their derivations. The workers' results for them are removed, too, and late results are
+/// refused.
 pub(crate) async fn remove(
     connection: &mut Connection<'_>,
     results: &[DerivedResult],

@@ -7,9 +7,8 @@ use sqlx::error::BoxDynError;
 use sqlx::sqlite::{SqliteTypeInfo, SqliteValueRef};
 use sqlx::{Decode, Sqlite, Type};
 
-/// A sum modulo 2²⁵⁶ over samples, each with the SHA-256 of its stream's index and its own as 64-bit
-/// little-endian integers and of the bits of its values, little-endian, read as a
-/// little-endian number.
+/// The sum modulo 2²⁵⁶ of the SHA-256 hashes of samples, each read as a little-endian number. The hashed bytes are the
+/// indices of stream and sample as 64-bit little-endian integers and the bits of the sample's values, little-endian.
 ///
 /// A sum does not depend on the order of the samples, and it can be updated sample by sample in the
 /// transactions that store them; a hash over the whole table in order could not. The price is that

@@ -14,9 +14,9 @@ use crate::{criteria, evaluations, failures, origins, runs, samples, tally};
 /// The results to remove.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Discard {
-    /// Samples and criteria of the design with this number, and its recorded failures.
+    /// Samples, criteria and recorded failures of the design with this number.
     Design(u32),
-    /// Everything that came from the worker of this name, or from any worker of the host of this name.
+    /// All results of the worker with this name, or of all workers on the host with this name.
     Worker(String),
 }
 
@@ -27,13 +27,13 @@ pub struct RemovedRows {
     pub samples: u64,
     /// Designs whose criteria were removed.
     pub criteria: u64,
-    /// Evaluations of candidates, with those of the same run that came later.
+    /// Evaluations of candidates, including later ones of the same run.
     pub evaluations: u64,
     /// Runs of optimisers.
     pub runs: u64,
 }
 
-/// Removes results, or only counts them if `is_trial`. What is derived from them is found to be outdated at the next
+/// Removes results, or only counts them if `is_trial`. Results derived from them are found to be outdated at the next
 /// start.
 pub(crate) async fn discard(
     connection: &mut Connection<'_>,
@@ -56,7 +56,7 @@ async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<Remov
     let stream = StreamId::design(design);
     let held = tally::one(connection, stream).await?;
     samples::remove(connection, Streams::One(stream)).await?;
-    // They are about results that are gone, such as a contradiction of two workers.
+    // The failures concern removed results, for example a contradiction of two workers.
     failures::remove_of(connection, stream).await?;
     Ok(RemovedRows {
         samples: held.map_or(0, |tally| tally.samples),

@@ -60,7 +60,7 @@ pub enum Error {
         path: PathBuf,
         /// The table.
         table: &'static str,
-        /// The row's key, or a description of the rows that it is one of.
+        /// The row's key, or a description of the rows that include it.
         row: String,
         /// The difference.
         detail: String,
@@ -116,7 +116,7 @@ pub enum Error {
         /// The store, not its lock file.
         path: PathBuf,
     },
-    /// Another program, which is no coordinator, holds a lock on the store's file.
+    /// A program that is not a coordinator holds a lock on the store's file.
     #[error(
         "the store {} has been locked by another program for {} s: close that program or end its \
          transaction; an SQLite shell or a database browser may hold one",
@@ -276,8 +276,8 @@ pub enum Error {
     },
 }
 
-/// Time that a statement waits for a lock. Coordinators exclude each other before, so that only other programs hold one
-/// for long.
+/// Time that a statement waits for a lock. The lock file keeps other coordinators out, so only another program can hold
+/// a lock for long.
 pub(crate) const BUSY_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// Characters of a value in a message.
@@ -364,7 +364,7 @@ impl Error {
         match (&source, primary_code(&source)) {
             (sqlx::Error::PoolClosed, _) => Self::Closed,
             // A value that its column cannot have, such as a negative count, cannot be decoded. The statements fit the
-            // schema, so that one that SQLite does not understand means that a table or a column is missing.
+            // schema, so SQLite fails to understand one only if a table or a column is missing.
             (sqlx::Error::ColumnDecode { .. } | sqlx::Error::RowNotFound, _)
             | (_, Some(SQLITE_ERROR | SQLITE_CORRUPT | SQLITE_NOTADB)) => Self::Damaged {
                 path,

@@ -86,7 +86,7 @@ impl Lock {
     }
 }
 
-/// Takes the permissions of other users away: who can open the file can lock it.
+/// Removes the permissions of other users: a user who can open the file can lock it.
 fn restrict(file: &File) {
     #[cfg(unix)]
     {

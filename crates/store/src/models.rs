@@ -7,9 +7,9 @@ use crate::row::{self, Columns, Row};
 /// A fitted model.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ModelRow {
-    /// What it was fitted to: [`ModelRow::DOE`] or [`ModelRow::ENRICHED`].
+    /// The data that it was fitted to: [`ModelRow::DOE`] or [`ModelRow::ENRICHED`].
     pub name: String,
-    /// The measure that it is a model of, as in [`ResponseRow`](crate::ResponseRow).
+    /// The number of the modelled measure, as in [`ResponseRow`](crate::ResponseRow).
     pub number: u64,
     /// The whole model, as JSON.
     pub json: String,

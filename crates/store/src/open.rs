@@ -21,11 +21,11 @@ use crate::paths::{beside, exists, resolve};
 use crate::store::Store;
 use crate::{Error, commits, schema, writer};
 
-/// Size of a file that is checked before it is opened for reading, which takes about a tenth of a second.
+/// Maximum size of a file that is checked before it is opened for reading. The check takes about a tenth of a second.
 const CHECK_BEFORE_READING: u64 = 4 << 20;
 
-/// Size of a file that is checked before it is opened for writing. SQLite's check takes 2 ms per MiB, the comparison of
-/// the rows with their digests ten times as long.
+/// Maximum size of a file that is checked before it is opened for writing. SQLite's check takes 2 ms per MiB, the
+/// comparison of the rows with their digests ten times as long.
 const CHECK_BEFORE_WRITING: u64 = 64 << 20;
 
 /// Locks the file for writing and writes nothing.
@@ -99,7 +99,7 @@ impl Store {
         roll_back(&path).await?;
         let reading = reading(&path);
         let mut connection = schema::inspect(&reading).await?;
-        // The file is also checked first before a change of the journal mode, since that writes to it.
+        // A change of the journal mode writes to the file, so the file is checked first in that case, too.
         let at_once = size(&path)? <= check_at_once || !is_wal(&mut connection).await?;
         if at_once {
             integrity::check(&mut connection).await?;

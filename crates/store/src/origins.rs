@@ -7,9 +7,9 @@ use crate::row::{self, Columns, Row};
 /// A worker process and its build. Rows without an origin were stored by the coordinator itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OriginRow {
-    /// The worker's name, which is another one for each process.
+    /// The worker's name, which is unique to its process.
     pub worker: String,
-    /// The host that it named.
+    /// The host that the worker reported.
     pub host: String,
     /// The build of the program.
     pub build: String,

@@ -4,10 +4,10 @@ use std::fs::{self, File, Metadata, OpenOptions};
 use std::io;
 use std::path::Path;
 
-/// Opens a file for reading and writing that only this program's user can have created, or creates it with
-/// mode 600. In a folder that others can write to, a name may lead to any file.
+/// Opens a file of this program's user for reading and writing, or creates it with mode 600. In a folder that others
+/// can write to, the name may lead to a file of any user.
 ///
-/// The owner of `beside` is accepted, too: a store may belong to another user than its coordinator's.
+/// A file of the owner of `beside` is accepted, too: a store may belong to another user than its coordinator's.
 ///
 /// # Errors
 ///
@@ -20,7 +20,8 @@ pub fn open_own_file(path: &Path, beside: Option<&Path>) -> io::Result<File> {
     }
     let owner = beside.and_then(|file| fs::metadata(file).ok());
     let owner = owner.as_ref();
-    // First the name, since opening a pipe or another user's file says nothing of the reason.
+    // The name is checked before the file is opened: the error of opening a pipe or another user's file names no
+    // reason.
     refuse(&fs::symlink_metadata(path)?, owner)?;
     let file = options().open(path).map_err(|error| match error.kind() {
         io::ErrorKind::PermissionDenied => denied("its permissions forbid it"),

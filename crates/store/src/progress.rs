@@ -29,7 +29,7 @@ pub struct Progress {
     pub point_samples: u64,
     /// Evaluations of candidates by an external program.
     pub evaluations: u64,
-    /// Values of the samples that belong to them.
+    /// Sample values in these evaluations.
     pub evaluation_values: u64,
     /// Recorded crashes, failures and quarantines.
     pub failures: u64,

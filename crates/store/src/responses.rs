@@ -4,12 +4,12 @@ use crate::Error;
 use crate::connection::Connection;
 use crate::row::{self, Columns, Row};
 
-/// A measure of the samples of a design, which kriging learns from.
+/// A measure of the samples of a design, to which kriging is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ResponseRow {
     /// Index of the design.
     pub design: u64,
-    /// Which measure: 0 is the one that is optimised, the others are those of constraints.
+    /// The number of the measure: 0 is optimised, the others belong to constraints.
     pub number: u64,
     /// Mean of the samples.
     pub mean: f64,

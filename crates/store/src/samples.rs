@@ -349,8 +349,8 @@ pub(crate) async fn visit_stored<E: From<Error>>(
     Ok(moment.commit().await?)
 }
 
-/// The samples of a row of the table. Bytes that were cut within a sample get a value that no row has, which the
-/// row's digest then shows.
+/// The samples of a row of the table. Bytes that end within a sample are filled up with NaN, so that the row's digest
+/// differs: NaN is never stored.
 fn read(responses: u32, values: Numbers) -> Samples {
     let width = (responses as usize).max(1);
     let mut values = values.0;

@@ -182,8 +182,8 @@ impl Store {
         samples::of(&mut self.reader().await?, stream).await
     }
 
-    /// The samples of a design, an optimum or an infill point from the first on, up to the first that is missing; each has
-    /// as many values as there are `responses`.
+    /// The samples of a design, an optimum or an infill point before the first missing one. Each has as many values as
+    /// there are `responses`.
     pub async fn first_samples_of(
         &self,
         stream: StreamId,
@@ -199,7 +199,7 @@ impl Store {
         Ok(first)
     }
 
-    /// What is known of the samples of each stream that has any, without reading them.
+    /// Counts and digest of the samples of each stream that has any, known without reading the samples.
     pub async fn sample_tallies(&self) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
         tally::all(&mut self.reader().await?, Streams::All).await
     }
@@ -220,11 +220,11 @@ impl Store {
 
     /// The digest of all samples, as 64 hex digits. It is read, not computed.
     ///
-    /// It is equal for every run of one campaign file with one version of the program, whatever the
-    /// order of the samples. It is the sum modulo 2²⁵⁶ over all samples of the SHA-256 of design
-    /// and sample as 64-bit little-endian integers and of the bits of the values, little-endian. A
-    /// hash is read as a little-endian number, and the sum is written by its bytes in the same
-    /// order, so that the digest of a single sample is its SHA-256 and that of none is all zeros.
+    /// It is equal for every run of one campaign file with one version of the program, whatever the order of the
+    /// samples. It is the sum modulo 2²⁵⁶ of the SHA-256 hashes of all samples, each read as a little-endian number.
+    /// The hashed bytes are the indices of design and sample as 64-bit little-endian integers and the bits of the
+    /// values, little-endian. The sum is written by its bytes in the same order, so that the digest of a single sample
+    /// is its SHA-256 and that of none is all zeros.
     ///
     /// The sum is updated in the transactions that store samples. It is a checksum against
     /// accidents, such as samples that differ, are lost or are stored twice. It is not a signature:
@@ -264,38 +264,37 @@ impl Store {
         criteria::digest(&mut self.reader().await?).await
     }
 
-    /// What each derived result was computed from, by name.
+    /// The derivation of each derived result, by the result's name.
     pub async fn derivations(&self) -> Result<BTreeMap<String, Derivation>, Error> {
         let rows = derived::all(&mut self.reader().await?).await?;
         let named = |row: Derivation| (row.name.clone(), row);
         Ok(rows.into_iter().map(named).collect())
     }
 
-    /// Stores what [`DerivedResult::Samples`] depend on, before there are any.
+    /// Stores the derivation of [`DerivedResult::Samples`], before there are any samples.
     pub async fn put_derivation(&self, derivation: &Derivation) -> Result<(), Error> {
         self.put(Change::Derivation(derivation.clone()))
             .await
             .map(drop)
     }
 
-    /// Removes derived results, all or nothing, with what workers computed for them: the evaluations of runs
-    /// and the samples of infill points. The samples of an optimum stay, for the case that the same design is
-    /// chosen again; those of another design go when their generation changes.
+    /// Removes derived results, all or nothing, with the workers' results for them: the evaluations of runs and the
+    /// samples of infill points. The samples of an optimum stay, in case the same design is chosen again; those of
+    /// another design are removed when their generation changes.
     pub async fn remove(&self, results: &[DerivedResult]) -> Result<(), Error> {
         self.put(Change::Removal(results.to_vec())).await.map(drop)
     }
 
     /// Removes results that stand for failures, so that they are computed again: infinite samples, and criteria and
     /// evaluations that have one or whose reason begins with `reason`. A run continues from its first removed
-    /// evaluation.
-    /// Returns the number of rows removed.
+    /// evaluation. Returns the number of rows removed.
     pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
         let receipt = self.put(Change::NoFailures(reason.to_owned())).await?;
         Ok(receipt.new_rows)
     }
 
     /// Removes results that are not trusted, all or nothing, or only counts them if `is_trial`. They are computed again
-    /// like any that are missing, and what was derived from them is then found to be outdated.
+    /// like any missing results, and results derived from them are found to be outdated.
     pub async fn discard(&self, what: &Discard, is_trial: bool) -> Result<RemovedRows, Error> {
         let told = Arc::default();
         self.put(Change::Discard(what.clone(), is_trial, Arc::clone(&told)))
@@ -347,7 +346,7 @@ impl Store {
         models::named(&mut self.reader().await?, None).await
     }
 
-    /// Replaces the models of the DoE; without a row, the derivation says why the fit has failed.
+    /// Replaces the models of the DoE. If `rows` is empty, the derivation says why the fit has failed.
     pub async fn put_models(
         &self,
         rows: &[ModelRow],
@@ -429,9 +428,8 @@ impl Store {
         self.put(Change::Generations(rows.to_vec())).await.map(drop)
     }
 
-    /// Replaces the campaign by a larger one and removes the responses, all or nothing. Everything else is
-    /// kept, and what is missing for the larger campaign or no longer follows from it is found as after any
-    /// other start.
+    /// Replaces the campaign by a larger one and removes the responses, all or nothing. Everything else is kept.
+    /// Missing and outdated results are found as after any other start.
     ///
     /// The name, text and digest of `campaign` are stored; the versions of program and model remain
     /// those that filled the store. The caller decides whether the campaign is a valid extension,

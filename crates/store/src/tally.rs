@@ -11,7 +11,7 @@ use crate::digest::SamplesDigest;
 use crate::row::{self, Columns, Row};
 use crate::values::{StreamKey, key};
 
-/// What is known of a stream's samples without reading them.
+/// Counts and digest of a stream's samples, known without reading the samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct SampleTally {
     /// The number of samples.

@@ -1,4 +1,4 @@
-//! The current stage, and measured times. They are no results, so they have no digests and are never compared.
+//! The current stage, and measured times. Times are not results, so they have no digests and are never compared.
 
 use ledger::StreamId;
 

@@ -20,7 +20,7 @@ impl<'r> Decode<'r, Sqlite> for Numbers {
         let bytes = <&[u8] as Decode<Sqlite>>::decode(value)?;
         let (numbers, rest) = bytes.as_chunks();
         let numbers = numbers.iter().copied().map(f64::from_le_bytes);
-        // Bytes that were cut within a number have a digest that no row has: NaN is never stored.
+        // Bytes that end within a number get a NaN, so that the row's digest differs: NaN is never stored.
         let rest = (!rest.is_empty()).then_some(f64::NAN);
         Ok(Self(numbers.chain(rest).collect()))
     }

@@ -54,7 +54,7 @@ async fn a_bit_that_flipped_in_an_index_is_found_or_changes_nothing() {
     let mut found = 0;
     for page in pages {
         let used = (page..page + PAGE).filter(|at| whole[*at] != 0);
-        // The first bytes lead to all others.
+        // The first bytes locate all others.
         let some = used.enumerate().filter(|(i, _)| *i < 16 || i % 23 == 0);
         for (i, at) in some {
             let mut bytes = whole.clone();

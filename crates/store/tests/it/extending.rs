@@ -183,7 +183,7 @@ async fn another_seed_is_no_extension() {
     assert_eq!(store.models().await.unwrap().len(), 1, "nothing is cleared");
 }
 
-/// What outdated results were computed from goes with them, and with a run what an external program said of it.
+/// The derivations of outdated results are removed with them, and the evaluations of a run with the run.
 #[tokio::test]
 async fn results_are_removed_one_by_one() {
     let (_folder, path) = folder();

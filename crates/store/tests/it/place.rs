@@ -85,7 +85,7 @@ async fn a_store_that_is_removed_while_it_is_used_is_missed() {
     }
 }
 
-/// A pipe would be waited for, and a device may do anything when it is opened.
+/// Opening a pipe blocks, and opening a device may do anything.
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn a_pipe_is_no_store() {
