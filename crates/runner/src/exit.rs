@@ -187,7 +187,7 @@ impl HasExitCode for worker::Error {
     }
 }
 
-/// Where an error of the operating system has no other context, a file could not be read or written.
+/// An error of the operating system without another context means that a file could not be read or written.
 impl HasExitCode for std::io::Error {
     fn exit_code(&self) -> u8 {
         FILE_ACCESS

@@ -1,7 +1,7 @@
-//! Running campaigns: what the two programs share.
+//! Running campaigns: the code that the two programs share.
 //!
-//! - [`protocol`] is the wire, [`gateway`] the port, its access file and the connection to it.
-//! - [`coordinator`] leases jobs and does the stages; [`worker`] computes them; [`shards`] carries them in files.
+//! - [`protocol`] defines the messages, [`gateway`] the port, its access file and the connection to it.
+//! - [`coordinator`] leases jobs and runs the stages; [`worker`] computes the jobs; [`shards`] carries them in files.
 //! - [`identity`] names the build; [`exit`] has the exit codes; [`console`] has the log, signals and help.
 
 pub mod console;

@@ -85,11 +85,10 @@ fn levels(text: &str) -> Result<Targets, BadLogLevel> {
     text.parse().map_err(|_| bad())
 }
 
-/// Keeps the memory of this process, which holds tokens and a key, from core dumps and debuggers. A limit
-/// on the size of core dumps would not: the system ignores it if dumps go to a program, and simulators
-/// would inherit it.
+/// Keeps the memory of this process, which holds tokens and a key, from core dumps and debuggers. A limit on the size
+/// of core dumps would not suffice: the system ignores it if dumps go to a program, and simulators would inherit it.
 fn protect_memory() {
-    // Every Linux has it.
+    // An error is ignored: every Linux has this setting.
     let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
 }
 
@@ -146,7 +145,7 @@ impl std::io::Write for BesideBars {
 
 /// Prints the reason why a program ends to standard error, whatever the log levels.
 pub fn complain(sentence: &str) {
-    // If standard error is closed, only the exit code tells.
+    // If standard error is closed, the exit code remains.
     let _ = writeln!(std::io::stderr(), "error: {sentence}");
 }
 

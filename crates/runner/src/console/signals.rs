@@ -31,10 +31,10 @@ pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
     }
 }
 
-/// Cancels `shutdown` at the end of standard input, after logging `notice`: the program at its other end has ended,
-/// even if it was killed.
+/// Cancels `shutdown` at the end of standard input, after logging `notice`. The program at the other end has then
+/// ended, even if it was killed.
 pub fn watch_input(shutdown: CancellationToken, notice: &'static str) {
-    // A thread, which the end of the program need not wait for.
+    // On a thread of its own, so that the program can end without waiting for it.
     std::thread::spawn(move || {
         let _ = std::io::copy(&mut std::io::stdin(), &mut std::io::sink());
         if !shutdown.is_cancelled() {

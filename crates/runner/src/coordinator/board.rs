@@ -1,7 +1,7 @@
 //! The ledger behind a lock, with real time and notifications. The service and the engine share it.
 //!
-//! `jobs` has the calls of the engine, `workers` those of workers, `connections` notices their deaths, and `clients` has those of the status, `drain` and
-//! `retry`.
+//! `jobs` has the calls of the engine, `workers` those of workers, and `clients` those of the status, `drain` and
+//! `retry`. `connections` notices the deaths of workers.
 
 mod clients;
 mod connections;

@@ -69,7 +69,7 @@ pub(crate) async fn used_up(
                 "budget.samples is {most}, and there are {samples} samples"
             ));
         }
-        // Those that the store knows of.
+        // The calls that the store records.
         let calls = samples + progress.criteria_done + progress.evaluations + progress.failures;
         if let Some(most) = budget.calls.filter(|most| calls >= *most) {
             return Ok(format!(

@@ -153,7 +153,7 @@ impl Engine {
                 continue;
             }
             if next.is_finished() {
-                // Without those that are needed no longer.
+                // The board has forgotten the streams that are no longer needed.
                 let quarantined = self.board.quarantined().into_iter();
                 let quarantined = quarantined.map(names::stream_name);
                 return Ok(Some(CampaignEnd {
@@ -178,7 +178,7 @@ impl Engine {
     /// Gives the board a stored sample as a control for workers whose jobs fail.
     async fn name_control(&self, base: &Design) -> anyhow::Result<()> {
         let counts = self.store.sampled_counts().await?;
-        // Known samples show nothing of a worker's simulator.
+        // Known samples do not test a worker's simulator.
         let known = |design: u64| u64::from(samples_not_asked(&self.problem, design));
         let sampled = counts
             .into_iter()

@@ -43,8 +43,8 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
     }
 }
 
-/// Records what workers held when they died. Of several suspects that follow from what a worker held, and not from what it
-/// was computing, only the first gets a row: they may be hundreds, and the board remembers them.
+/// Records the streams that workers held when they died. `is_known`: the worker was computing these streams. Otherwise
+/// they are all that the worker held, perhaps hundreds, and only the first gets a row: the board remembers the others.
 pub(crate) async fn record<R: Recorder>(
     mut crashes: Vec<Crash>,
     is_known: bool,

@@ -8,9 +8,10 @@ use crate::worker::{Exec, Options, Summary, Worker};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
-/// The time that jobs of the built-in model get when the user stops the process. They are computed again in little more.
+/// Grace period for jobs of the built-in model when the user stops the process. Computing them again takes little
+/// longer.
 const BUILT_IN_GRACE: Duration = Duration::from_millis(1500);
-/// The time that a program gets, whose job may be dear.
+/// Grace period for an external program, whose job may be expensive.
 const EXTERNAL_GRACE: Duration = Duration::from_secs(10);
 
 /// Workers of the coordinator's own process.
@@ -23,7 +24,7 @@ pub struct LocalWorkers {
 }
 
 impl LocalWorkers {
-    /// Starts a worker with `count` slots, which connects by `dial`; none without slots. One worker and not several,
+    /// Starts a worker with `count` slots, which connects by `dial`; none if `count` is 0. A single worker suffices,
     /// because the process dies as a whole. For `journal` see [`Options::journal`].
     #[must_use]
     pub fn start(

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 pub(super) struct Models {
     /// The digest on record, if it is known.
     pinned: Option<String>,
-    /// The digest of each worker's simulator; once one is on record, of the workers with another.
+    /// The digest of each worker's simulator. Once a digest is on record, only workers with another one are kept.
     offered: BTreeMap<String, String>,
 }
 

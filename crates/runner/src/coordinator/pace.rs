@@ -374,7 +374,7 @@ mod tests {
         assert!(later.per_second < 0.85 * steady, "{later:?}");
         assert!(later.factor.is_none_or(|factor| factor > 1.5), "{later:?}");
         assert_eq!(meter.pace(at(60.0)), Pace::default());
-        // The silence is no batch.
+        // The silence does not count as a batch.
         deliver(&mut meter, (300.0, 307.0), 0.1, 10);
         let again = meter.pace(at(307.0));
         assert!((again.per_second - 100.0).abs() < 10.0, "{again:?}");

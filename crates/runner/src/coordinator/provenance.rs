@@ -1,4 +1,4 @@
-//! The machine, time and program version of a report, which are no part of any result.
+//! The machine, time and program version of a report. They are not part of any result.
 
 use std::time::SystemTime;
 

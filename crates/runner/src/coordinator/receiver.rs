@@ -112,7 +112,7 @@ impl<R: Recorder> Receiver<'_, R> {
             }
             for (failed, outcome) in counted.into_iter().zip(outcomes) {
                 let outcome = match outcome {
-                    // A contradiction is no failure of the simulator, which could be a result.
+                    // A contradiction is not a failure of the simulator, so it cannot be a result.
                     Failure::Conclusive
                         if failed.contradicts || !self.conclude(&failed).await? =>
                     {
@@ -235,7 +235,7 @@ impl<R: Recorder> Receiver<'_, R> {
                 }])
             }
             Source::Design(_) if unit.samples.is_empty() => Output::Refused(reason),
-            // The design's criteria came with the failure, or it has none.
+            // The design's criteria came with the failure, or the stream has no criteria.
             Source::Design(_) | Source::Point(_) if !unit.samples.is_empty() => {
                 Output::Samples(failed_sample.clone())
             }

@@ -109,7 +109,7 @@ impl Recorder for StoreRecorder {
 
     async fn pin_model(&self, worker: &str) -> Result<(), store::Error> {
         let offered: Option<String> = self.models().offered(worker).map(str::to_owned);
-        // Without one, the worker's digest is on record.
+        // If the worker has offered none, its digest is the one on record.
         let Some(offered) = offered else {
             return Ok(());
         };

@@ -1,14 +1,14 @@
-//! Steps that lead nowhere.
+//! Detection of steps without effect.
 //!
-//! A step's result is stored, and the next decision sees it. A store in which it is not found again, for example
-//! because a page was damaged, would make the coordinator do the same step for ever.
+//! A step's result is stored, and the next decision sees it. If the store does not return the result, for example
+//! because a page was damaged, the coordinator would repeat the step for ever.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use ledger::StreamId;
 
-/// Number of times that a step is done with the same inputs.
+/// Maximum number of times that a step is done with the same inputs.
 const MOST: u32 = 2;
 
 /// The steps done since anything else changed.
@@ -26,7 +26,7 @@ impl Repeats {
         self.done.clear();
     }
 
-    /// Forgets the steps if what they depend on besides their inputs has changed.
+    /// Forgets the steps if the quarantined streams or the additional samples have changed: steps depend on them, too.
     pub(crate) fn see(&mut self, quarantined: &BTreeSet<StreamId>, more: &BTreeMap<u64, u64>) {
         if (&self.quarantined, &self.more) != (quarantined, more) {
             self.forget();

@@ -295,8 +295,8 @@ fn peer<T>(request: &Request<T>) -> Option<Peer> {
 }
 
 impl<R: Recorder> Service<R> {
-    /// Notes that a registered worker has called through this connection, so that its end is noticed. A worker of this
-    /// process does not die alone.
+    /// Notes that a registered worker has called through this connection, so that the end of the connection is noticed.
+    /// This does not apply to a worker of this process, which does not die alone.
     fn attend(&self, peer: Option<Peer>, worker: &WorkerId) {
         if let Some(peer) = peer.filter(|peer| !peer.is_local()) {
             peer.keep(worker.as_str(), || self.board.connect(worker));
@@ -334,8 +334,8 @@ impl<R: Recorder> Service<R> {
         (self.board.lease_time() / HEARTBEATS_PER_LEASE).as_millis() as u32
     }
 
-    /// Refuses a worker whose simulator is another one than the campaign's. An external program is the campaign's
-    /// once a result of it is stored.
+    /// Refuses a worker whose simulator differs from the campaign's. An external program becomes the campaign's
+    /// simulator when its first result is stored.
     async fn check_model(&self, worker: &str, offered: &str) -> Result<(), Status> {
         match &self.model_digest {
             Some(digest) if digest == offered => Ok(()),

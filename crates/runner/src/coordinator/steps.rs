@@ -121,7 +121,7 @@ impl Steps {
         Ok(linear)
     }
 
-    /// Fits the kriging model and stores it, or why the data cannot be fitted.
+    /// Fits the kriging model and stores it, or stores the reason why the data cannot be fitted.
     pub(crate) async fn fit(&self, base: Option<&Design>, inputs: &str) -> anyhow::Result<()> {
         let base = base.context("the DoE was sampled before its base variables were known")?;
         let base = base.clone();
@@ -161,7 +161,7 @@ impl Steps {
                 cpu_seconds = rounded(cpu_seconds),
                 "kriging model fitted"
             );
-            // The time is that of all models; the objective's summary has it.
+            // The time covers all models and is recorded with the objective.
             let summary = ModelSummary {
                 cpu_seconds: if row.number == 0 { cpu_seconds } else { 0.0 },
                 ..summary
@@ -262,7 +262,7 @@ impl Steps {
         self.put_optimum(&optimum, inputs).await
     }
 
-    /// Why there is no model, if the fit has failed.
+    /// The reason why the fit failed; `None` if it did not.
     async fn failed_fit(&self) -> anyhow::Result<Option<String>> {
         let mut derivations = self.store.derivations().await?;
         let model = derivations.remove(&DerivedResult::Model.name());

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use stages::stage::Stage;
 use store::{StageTimeRow, Store};
 
-/// Interval at which the time of the current stage is stored: a coordinator that is killed loses no more.
+/// Interval at which the time of the current stage is stored. A coordinator that is killed loses at most this time.
 const STORED_EVERY: Duration = Duration::from_secs(60);
 
 /// Measures the stages of a campaign, on top of what earlier coordinators measured.

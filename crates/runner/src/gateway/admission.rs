@@ -182,8 +182,8 @@ impl Peer {
         self.address.is_none()
     }
 
-    /// Keeps what `make` returns until the connection ends, unless something is kept under this name already. How a
-    /// service learns that a caller is gone.
+    /// Keeps the value of `make` until the connection ends, unless a value is kept under this name already. A service
+    /// learns from the drop of its value that the caller is gone.
     pub(crate) fn keep<T: Send + 'static>(&self, name: &str, make: impl FnOnce() -> T) {
         let mut kept = self
             .attachments

@@ -142,8 +142,8 @@ async fn serve_services(
     }
 }
 
-/// Raises the limit on open files to what the connections of a port and of a live page take, and more. A
-/// program does this once, when it starts.
+/// Raises the limit on open files above the number of connections of a port and of a live page. A program does this
+/// once, when it starts.
 pub fn allow_many_files() {
     let connections = NEWCOMERS + ADMITTED + live::http::CONNECTIONS;
     descriptors::allow(connections as u64 + 1024);

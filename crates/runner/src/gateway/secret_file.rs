@@ -45,8 +45,8 @@ pub(crate) fn open(path: &Path) -> Result<File, Error> {
     store::open_own_file(path, None).map_err(|reason| write_error(path, reason))
 }
 
-/// Rewrites the file at `path` in place, so that a lock on it stays. A process that is killed leaves the old text or the new one if
-/// both have one length: the file is not emptied in between.
+/// Rewrites the file at `path` in place, so that a lock on it stays. The file is not emptied in between: if the process
+/// is killed, the old or the new text remains, provided that both have the same length.
 pub(crate) fn write(path: &Path, text: &str) -> Result<(), Error> {
     let mut file = open(path)?;
     file.write_all(text.as_bytes())

@@ -249,7 +249,7 @@ pub fn result(
     result
 }
 
-/// The messages of what a unit came to: of its output, and of the failure that ended it.
+/// The messages of a unit's outcome: one of its output, and one of the failure that ended it.
 #[must_use]
 pub fn results(unit: &Unit, computed: &Outcome, cpu_seconds: f64) -> Vec<v1::UnitResult> {
     let output = computed.output.clone().map(Some);

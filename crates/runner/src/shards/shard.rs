@@ -109,8 +109,8 @@ pub(crate) fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
     fs::rename(&fresh, path)
 }
 
-/// Creates a file under a name that is only used until the file is whole. Whatever has the name is removed first, since
-/// it may be a link to another file.
+/// Creates a file under a temporary name. A file that has the name is removed first, since it may be a link to another
+/// file.
 pub(crate) fn create_fresh(path: &Path) -> std::io::Result<fs::File> {
     let _ = fs::remove_file(path);
     fs::File::create_new(path)

@@ -138,7 +138,7 @@ fn a_part_cut_at_any_byte_keeps_its_whole_records_and_is_continued() {
             matches!(error, Error::NotAPart { .. }),
             "cut at {end}: {error}"
         );
-        // What is not a part is not overwritten.
+        // A file that is not a part is not overwritten.
         assert!(PartWriter::open(&path, &shard, "model").is_err());
         assert_eq!(fs::read(&path).unwrap(), whole[..end]);
     }

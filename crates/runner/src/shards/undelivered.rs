@@ -125,8 +125,8 @@ impl OrphanFile {
     }
 }
 
-/// The files in a folder whose names satisfy `is_wanted` and that no process has locked, with a lock on each, in the order
-/// of their names. A folder that does not exist has no files.
+/// The files in a folder whose names satisfy `is_wanted` and that no process has locked, in the order of their names.
+/// Each is returned with a lock. A folder that does not exist has no files.
 pub(crate) fn unlocked(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Vec<(PathBuf, File)> {
     let Ok(entries) = fs::read_dir(folder) else {
         return Vec::new();
@@ -193,7 +193,7 @@ mod tests {
         assert!(part.missing().is_empty());
         found.into_iter().for_each(|found| found.remove().unwrap());
         assert!(!path.exists());
-        // What is no part is an error, and other files are none of the kind.
+        // A file that is not a part is an error, and files with other endings are ignored.
         fs::write(folder.join("x.part"), "nonsense").unwrap();
         fs::write(folder.join("note.txt"), "").unwrap();
         let [Err(error)] = &OrphanFile::all(&folder)[..] else {

@@ -1,9 +1,8 @@
 //! External simulators: programs that answer each line of JSON with a line, or read and write
 //! files.
 //!
-//! A slot keeps a process over many requests. A process that dies, sends a malformed answer or
-//! takes too long fails the current job, and the next job gets a new process. Output that is not an
-//! answer is skipped.
+//! A slot keeps a process over many requests. A process that dies, sends a malformed answer or takes too long fails the
+//! current job, and the next job gets a new process. Output that is not an answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
 mod design;
@@ -142,8 +141,8 @@ pub enum Interface {
     Files {
         /// The command.
         command: String,
-        /// The template of its input file, with `{name}` for each variable and random input, and `{seed}` without random
-        /// inputs.
+        /// The template of its input file, with `{name}` for each variable and random input, and `{seed}` without
+        /// random inputs.
         template: PathBuf,
         /// The name of its result file.
         result: PathBuf,
@@ -268,7 +267,7 @@ impl Backend {
                 let answers = loop {
                     match probe::answers_of(&session, simulator.probe_designs()) {
                         Ok(answers) => break answers,
-                        // As in an outage.
+                        // Tried again, as in an outage.
                         Err(ProbeError::Fails(reason))
                             if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
                         {
@@ -374,7 +373,7 @@ struct Session<'a> {
 impl Session<'_> {
     /// Starts a process, or takes an idle one, unless the session has one.
     fn start(&self) -> Result<(), Fault> {
-        // A process that ended after its last answer fails no request either.
+        // A process that ended after its last answer is replaced, and fails no request.
         let ended = self.process.borrow_mut().take_if(|one| one.has_ended());
         drop(ended);
         if self.process.borrow().is_some() {

@@ -212,8 +212,8 @@ impl HeldLeases {
         self.with(|inner| inner.outbox.len())
     }
 
-    /// Adds the results of a former worker, to be reported before any lease is asked for: they may
-    /// be those of the very jobs that would be leased.
+    /// Adds the results of a former worker. They are reported before any lease is requested, because they may be the
+    /// results of the jobs that would be leased.
     pub(crate) fn restore(&self, results: Vec<LeaseResult>) {
         self.with(|inner| {
             for result in results {

@@ -103,7 +103,7 @@ struct SharedState {
     acknowledged: AtomicU64,
     /// Cancelled to end the worker.
     stop: CancellationToken,
-    /// The note of what is being computed.
+    /// The note of the units that are being computed.
     journal: Journal,
 }
 
@@ -198,7 +198,7 @@ impl Worker {
             unable = shared.unable() => Err(unable),
         };
         stop.cancel();
-        // From here on, a death is not the fault of what is computed.
+        // A death from here on is not the fault of a unit.
         shared.journal.remove();
         let asked = tokio::time::Instant::now();
         if let Ok(End::Dismissed) = end {

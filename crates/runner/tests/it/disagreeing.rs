@@ -142,7 +142,7 @@ async fn results_of_another_simulator_than_the_first_are_refused() {
     let refused = bench.service.report(Request::new(report)).await;
     assert_eq!(Refusal::of(&refused.unwrap_err()), Some(Refusal::Model));
     assert_eq!(bench.samples().await, 4);
-    // Its lease is free at once, and no crash.
+    // Its lease is free at once, and no crash is counted.
     assert_eq!(bench.board.live().counts.leased, 0);
     let (leases, _) = bench.lease("first").await;
     let rest = bench.answer(&leases[0]);

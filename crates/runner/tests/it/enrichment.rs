@@ -144,8 +144,8 @@ async fn rounds_end_within_the_budget_and_resume_as_if_nothing_had_been() {
     let searches: u64 = expected.rounds.iter().map(|row| row.simulator_calls).sum();
     assert!(searches > 0 && expected.optimum.simulator_calls > sampled + asked + searches);
 
-    // The model to predict from knows the infill points, and what it says of the recommended design is near
-    // what the enrichment's own models say.
+    // The model for predictions includes the infill points. Its prediction at the recommended design is near those of
+    // the enrichment's own models.
     assert!(expected.model.is_some());
     let summary = latest_model(&store).await.unwrap().unwrap().summary_json;
     let summary: ModelSummary = serde_json::from_str(&summary).unwrap();

@@ -156,8 +156,8 @@ async fn a_response_from_too_few_samples_is_replaced_after_the_death_of_a_coordi
     ends_as_if_undisturbed(Continuation::AfterDeath).await;
 }
 
-/// Results that workers computed in this very coordinator, and that turn out to be of other inputs, are
-/// computed again: its board has settled their streams and must not take them for stored.
+/// Results that this coordinator's workers computed, and that turn out to be of other inputs, are computed again: its
+/// board has settled their streams and must not take them for stored.
 #[tokio::test]
 async fn what_is_removed_is_computed_again_by_the_same_coordinator() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The connections of workers. A worker whose last connection ends, and that has not said that it leaves, has most likely
-//! died.
+//! The connections of workers. A worker whose last connection ends, and that has not said that it leaves, has most
+//! likely died.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,8 +9,8 @@ use ledger::WorkerId;
 
 use super::Board;
 
-/// Time for a worker to connect again after its last connection has ended. A living worker calls again within a tenth of it,
-/// unless the network is down.
+/// Time for a worker to connect again after its last connection has ended. A living worker needs less than a tenth of
+/// that, unless the network is down.
 const RETURN: Duration = Duration::from_millis(2500);
 
 /// The connections of workers.

@@ -35,7 +35,7 @@ impl Board {
         });
     }
 
-    /// Names a unit whose samples are stored: workers whose jobs fail get it to show that they can
+    /// Sets the control: a unit whose samples are stored, which workers whose jobs fail compute to show that they can
     /// compute anything.
     pub fn set_control(&self, unit: Unit, source: Arc<Source>) {
         self.lock().ledger.set_control(unit, source);
@@ -57,7 +57,7 @@ impl Board {
         self.lock().is_ready
     }
 
-    /// Ends the leases of workers that are silent or have lost their connection. Returns what they held.
+    /// Ends the leases of workers that are silent or have lost their connection. Returns the streams that they held.
     pub fn expire(&self) -> Vec<Crash> {
         let now = self.now();
         let mut inner = self.lock();

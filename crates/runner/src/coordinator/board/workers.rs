@@ -44,7 +44,7 @@ impl Board {
         })
     }
 
-    /// Counts the death of a worker that left a note of what it was computing.
+    /// Counts the death of a worker that left a note of the units it was computing.
     pub fn record_death(&self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
         self.change(|inner, _| {
             let crashes = inner.ledger.record_death(worker, begun);
@@ -57,7 +57,7 @@ impl Board {
         })
     }
 
-    /// The host that a worker named; empty if it is not registered.
+    /// The host that a worker reported; empty if the worker is not registered.
     pub(crate) fn host(&self, worker: &WorkerId) -> String {
         let inner = self.lock();
         inner.ledger.host(worker).unwrap_or_default().to_owned()

@@ -61,7 +61,7 @@ impl Issuer {
                 return Err(secret_file::write_error(&key_path, reason));
             }
         }
-        // Also an empty file must be the owner's alone before a key is written to it.
+        // The file must be the owner's alone before a key is written to it, even if it is empty.
         let key = secret_file::read(&key_path)?;
         let (access, key, is_unwritten) = match Access::read(path) {
             Ok(access) => {

@@ -27,7 +27,7 @@ const DIAL_TIMEOUT: Duration = Duration::from_secs(5);
 /// Time limit for the TLS handshake, which is slow when thousands of workers connect at once.
 const TLS_TIMEOUT: Duration = Duration::from_secs(20);
 
-/// The way of a link's connections to the coordinator.
+/// The route of a link's connections to the coordinator.
 pub(super) enum Route {
     /// TCP and TLS, with addresses and secrets from an access file.
     Access(AccessRoute),
@@ -60,8 +60,8 @@ impl Route {
         }
     }
 
-    /// Notes that the two sides do not accept each other's secrets. Returns whether they did not
-    /// accept the same ones before.
+    /// Records that one side did not accept the other's secrets. Returns whether that happened before with the same
+    /// secrets.
     pub(super) fn is_refused_again(&self) -> bool {
         let Self::Access(route) = self else {
             return true;
@@ -93,7 +93,7 @@ pub(super) struct AccessRoute {
     connect: Option<Address>,
     role: Role,
     target: Mutex<Arc<Target>>,
-    /// The target at which the two sides last did not accept each other's secrets.
+    /// The last target at which one side did not accept the other's secrets.
     refused: Mutex<Option<Arc<Target>>>,
     /// Whether the last attempt found no file, and an address at which nothing listens.
     is_abandoned: AtomicBool,

@@ -161,7 +161,7 @@ async fn a_certificate_of_another_coordinator_is_refused() {
     ));
 }
 
-/// What is at a coordinator's address may be another program, which must not get the token.
+/// Another program may listen at a coordinator's address, and it must not get the token.
 #[tokio::test]
 async fn a_token_does_not_travel_in_clear() {
     let coordinator = Coordinator::start().await;

@@ -21,7 +21,7 @@ pub(super) struct ExternalDesign<'a> {
 }
 
 impl<'a> ExternalDesign<'a> {
-    /// Creates the design with what the program is `told` about it.
+    /// Creates the design. `told` holds the values that the program gets.
     pub(super) fn new(session: &'a Session<'a>, design: &Design, told: &[(&str, f64)]) -> Self {
         Self {
             session,

@@ -34,7 +34,7 @@ pub(super) enum Fault {
 }
 
 impl Fault {
-    /// Returns the fault of a request to a program that has answered before, or has not.
+    /// Returns the fault of a request. The machine is at fault if it cannot run a program that has not answered before.
     pub(super) fn judged(self, has_answered: bool) -> Self {
         match self {
             Self::NotRun { of_machine, .. } if !has_answered => Self::Machine(of_machine),

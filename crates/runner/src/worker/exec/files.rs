@@ -1,7 +1,7 @@
 //! Programs that read a file and write a file. Each request is a run of the command in a separate
 //! folder, which holds the filled template. The answer is read from the result file.
 //!
-//! To the rest of [`exec`](super), such a program answers lines.
+//! The rest of [`exec`](super) treats such a program like one that answers lines.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ffi::OsString;
@@ -36,7 +36,7 @@ pub(super) struct Files {
     /// The text of the template, and the name of its file.
     template: (String, OsString),
     result: PathBuf,
-    /// Where each response stands in the result file, if the campaign says so.
+    /// The place of each response in the result file, if the campaign states it.
     read: BTreeMap<String, ResultLine>,
     /// The campaign's names of the sampled responses.
     sampled: Vec<String>,
@@ -178,7 +178,7 @@ impl Files {
         let folder = folder.map_err(|error| no_space(&error))?;
         let ran = self.run_in(folder.path(), inputs, seed, wanted, timeout);
         ran.map_err(|fault| {
-            // A folder that is kept would hold the space that is missing.
+            // The folder is not kept, because it would take up the missing space.
             if let Fault::Machine(_) = fault {
                 return fault;
             }
@@ -221,7 +221,7 @@ impl Files {
         let file = self.result.display();
         let bytes = fs::read(folder.join(&self.result))
             .map_err(|error| format!("the command has left no readable {file}: {error}"))?;
-        // Whatever other encoding the text has, numbers are plain.
+        // Numbers are ASCII, whatever other encoding the text has.
         let text = String::from_utf8_lossy(&bytes);
         let results = Results::read(&text, &self.read, wanted);
         results

@@ -187,7 +187,7 @@ pub(super) fn evaluate(
     request
 }
 
-/// What a sample's random effects follow from.
+/// The source of a sample's random effects.
 pub(super) enum Randomness {
     /// The program draws them from a seed.
     Seed([u32; 4]),

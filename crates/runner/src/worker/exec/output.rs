@@ -1,4 +1,4 @@
-//! What a program says: the lines of its output, and the end of its standard error.
+//! The output of a program: its lines, and the end of its standard error.
 
 use std::collections::VecDeque;
 
@@ -31,7 +31,7 @@ pub(super) struct ForeignOutput {
     pub(super) last: String,
 }
 
-/// The end of what a process wrote to its standard error.
+/// The end of the standard error of a process.
 #[derive(Debug, Default)]
 pub(super) struct Tail {
     pub(super) bytes: VecDeque<u8>,
@@ -73,7 +73,7 @@ impl Tail {
     }
 }
 
-/// What a process did whose answer cannot be used.
+/// The fault of a process whose answer cannot be used, for an error.
 pub(super) fn malformed(answer: &[u8], reason: &str) -> String {
     format!("gave a malformed answer ({reason}): {}", quote(answer))
 }

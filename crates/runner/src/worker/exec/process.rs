@@ -35,7 +35,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const SLOW_START: Duration = Duration::from_secs(10);
 /// Number of reads that empty any pipe.
 const WHOLE_PIPE: usize = 16;
-/// What a program must do for its answers to arrive.
+/// Advice for programs whose answers do not arrive.
 const FLUSH: &str = "flush standard output after every line (python -u, print(…, flush=True), \
                      fflush(stdout))";
 
@@ -49,11 +49,11 @@ pub(super) struct Process {
     input: Option<ChildStdin>,
     output: ChildStdout,
     errors: Option<ChildStderr>,
-    /// Bytes read from the output that are no whole line yet.
+    /// Bytes read from the output that are not a whole line yet.
     pending: Vec<u8>,
     /// Whole lines that were read and not looked at yet, oldest first.
     lines: VecDeque<Vec<u8>>,
-    /// What was skipped since the last answer.
+    /// Output skipped since the last answer.
     skipped: ForeignOutput,
     /// Whether a skipped line was reported.
     has_warned: bool,
@@ -73,13 +73,14 @@ enum Silence {
     Timeout,
     Stopped,
     TooLong,
-    /// The line, and what is wrong with it.
+    /// The line and its fault.
     Malformed(Vec<u8>, String),
     System(io::Error),
 }
 
 impl Process {
-    /// Starts `sh -c command` with these variables of its environment. Once `stop` is set, the process is ended instead of waited for.
+    /// Starts `sh -c command` with these variables of its environment. Once `stop` is set, the process is ended, and no
+    /// answer is waited for.
     ///
     /// # Errors
     ///
@@ -164,9 +165,9 @@ impl Process {
         self.is_silent || ending::has_ended(self.group)
     }
 
-    /// Sends a line and waits for the answer, which `read` recognises. Other lines, and lines that
-    /// were written before the question, are skipped. After an error, the process must not be used
-    /// again. Without a line, the end of a command is waited for.
+    /// Sends a line and waits for the answer, which `read` recognises. Other lines, and lines that were written before
+    /// the question, are skipped. After an error, the process must not be used again. If `line` is empty, the answer is
+    /// the end of a command.
     ///
     /// # Errors
     ///

@@ -28,7 +28,8 @@ pub(super) struct Program {
     _slot: Slot,
 }
 
-/// The variable with the number, from 0, of a program among those that its worker runs at the same time.
+/// The environment variable with the program's number, from 0, among the programs that its worker runs at the same
+/// time.
 const SLOT: &str = "CAMPAIGN_SLOT";
 
 #[derive(Debug)]
@@ -42,8 +43,8 @@ enum Kind {
 }
 
 impl Program {
-    /// Starts the program of `exec` for a campaign with this section; of several servers it uses the one with this number.
-    /// Once `stop` is set, the program is ended instead of waited for. `failed_runs` are the folders of failed runs.
+    /// Starts the program of `exec` for a campaign with this section. The number selects one of several servers. Once
+    /// `stop` is set, the program is ended, and no answer is waited for. `failed_runs` are the folders of failed runs.
     ///
     /// # Errors
     ///

@@ -14,7 +14,7 @@ use crate::worker::Error;
 /// Number of random designs tried.
 const DESIGNS: u64 = 4;
 
-/// What a few calls of a program took.
+/// The cost of a few calls of a program.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trial {
     /// Designs tried.

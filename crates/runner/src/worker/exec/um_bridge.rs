@@ -1,9 +1,9 @@
 //! A simulator that is a model of a UM-Bridge server: requests are HTTP posts of JSON.
 //!
-//! L. Seelinger, V. Cheng-Seelinger, A. Davis, M. Parno, A. Reinarz, "UM-Bridge: Uncertainty quantification and modeling
-//! bridge", Journal of Open Source Software 8 (2023) 4748; protocol version 1.0. The model's inputs are the campaign's
-//! variables and then its random inputs, in the order of the file, cut into the lists that the model takes. Its outputs are
-//! the sampled responses and then the deterministic ones.
+//! L. Seelinger, V. Cheng-Seelinger, A. Davis, M. Parno, A. Reinarz, "UM-Bridge: Uncertainty quantification and
+//! modeling bridge", Journal of Open Source Software 8 (2023) 4748; protocol version 1.0. The model's inputs are the
+//! campaign's variables and then its random inputs, in the order of the file, cut into the lists that the model takes.
+//! Its outputs are the sampled responses and then the deterministic ones.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -16,7 +16,7 @@ use super::fault::Fault;
 use super::messages::{Numbers, PROTOCOL, Request, with_quoted_numbers};
 use problem::file::SimulatorSection;
 
-/// Interval at which a request in progress looks whether it is to be left.
+/// Interval at which a request in progress checks whether to stop.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A model on one server.

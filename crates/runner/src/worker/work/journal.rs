@@ -1,4 +1,4 @@
-//! A note of what a worker computes at the moment, in a file that survives the worker.
+//! A note of the units that a worker is computing, in a file that survives the worker.
 //!
 //! A program that simulates can take its worker along: it may end the process group, or use up the memory. The next
 //! worker with the same folder reads the note and tells the coordinator which units were being computed, so that only
@@ -94,7 +94,7 @@ impl Journal {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The former workers of the campaign with this digest that died, with what each was computing.
+    /// The former workers of the campaign with this digest that died, with the units that each was computing.
     pub(super) fn dead(&self, campaign: &str) -> Vec<DeadWorker> {
         let Some((folder, prefix)) = &self.place else {
             return Vec::new();
@@ -106,7 +106,7 @@ impl Journal {
         state.dead.iter().map(|dead| dead.worker.clone()).collect()
     }
 
-    /// Removes the notes of dead workers: the coordinator knows what they said.
+    /// Removes the notes of dead workers, whose content the coordinator knows.
     pub(super) fn forget_dead(&self) {
         for dead in std::mem::take(&mut self.state().dead) {
             if let Err(error) = fs::remove_file(&dead.path) {

@@ -1,4 +1,4 @@
-//! The registration of a worker, which gets it the campaign.
+//! The registration of a worker, through which it gets the campaign.
 
 use std::sync::Arc;
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! The results that the coordinator does not take, because it is away: they go to a file once it has
-//! been silent for a while, and the next worker delivers them.
+//! Results that cannot be delivered because the coordinator is away. They go to a file once it has been silent for a
+//! while, and the next worker delivers them.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -40,7 +40,7 @@ impl Files {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes up what former workers of the same campaign and simulator left.
+    /// Takes over the files of former workers of the same campaign and simulator.
     pub(super) fn take_up(&self, registered: &Registration, held: &HeldLeases) {
         let Some(folder) = &self.folder else {
             return;

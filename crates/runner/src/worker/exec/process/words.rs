@@ -1,4 +1,4 @@
-//! The last words of a process: what an error says about its end.
+//! The part of an error that describes the end of a process.
 
 use std::time::{Duration, Instant};
 
