@@ -4,8 +4,8 @@ use problem::formulation::Problem;
 
 use crate::cell::Column;
 
-/// The name of a column about the sampled response: of a gear pair with µm, otherwise without a unit,
-/// as the user's own names are. `{p}` stands for the measure's.
+/// The name of a column about the sampled response: with µm for a gear pair, otherwise without a unit, like the user's
+/// own names. `{p}` in `what` stands for the measure's name.
 pub(crate) fn column(problem: &Problem, what: &str) -> String {
     let sampling = &problem.campaign().sampling;
     let name = what.replace("{p}", &sampling.measure_column());

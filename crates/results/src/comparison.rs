@@ -238,7 +238,7 @@ fn figures(report: &Report) -> Vec<ComparedFigure> {
     figures
 }
 
-/// P90 as the paper verifies it, by (8) from as many samples, µm: for its Table 5.
+/// P90 for the paper's Table 5, µm, verified as the paper does: by Equation (8), from the same number of samples.
 fn p90_by_paper_um(problem: &Problem, verified: &VerifiedOptimum) -> f64 {
     let samples = verified.values(problem);
     let samples = &samples[..samples.len().min(ACCURATE_SAMPLES)];

@@ -70,7 +70,7 @@ pub async fn write(
     fill(store, table, Destination::File { out, format, name }).await
 }
 
-/// A table in memory; the model is none.
+/// A table in memory; empty for the model, which is not a table.
 ///
 /// # Errors
 ///
@@ -144,7 +144,7 @@ fn cpu_seconds() -> Column {
     Column::number("cpu_seconds").in_unit("s")
 }
 
-/// Numbers, or as many missing ones.
+/// The numbers as cells, or `count` missing ones.
 fn numbers(values: Option<&[f64]>, count: usize) -> Vec<Cell> {
     match values {
         Some(values) => values.iter().copied().map(Cell::from).collect(),

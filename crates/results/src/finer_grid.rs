@@ -12,9 +12,10 @@ const SAMPLES: u64 = 100;
 /// Relative change of ΔSTE at which a grid counts as converged.
 const TOLERANCE: f64 = 1e-5;
 
-/// The measure on a finer grid less that on the campaign's grid, µm: on one that is converged, or with coupled cells, whose
-/// cost grows with the fourth power of the phases, on one twice as fine, which shows three quarters of an error that falls
-/// with the square. `None` if the built-in model cannot simulate the design, and for an external simulator.
+/// The measure on a finer grid less that on the campaign's grid, µm. The finer grid is a converged one. With coupled
+/// cells, whose cost grows with the fourth power of the phases, it is twice as fine as the campaign's, which shows
+/// three quarters of an error that falls with the square. `None` if the built-in model cannot simulate the design, and
+/// for an external simulator.
 pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     if problem.campaign().is_external() {
         return None;

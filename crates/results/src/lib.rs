@@ -1,10 +1,10 @@
 //! Results of a campaign, read from its store, for people and for programs. Everything here only reads, and works
 //! beside a running campaign, too.
 //!
-//! - [`status`] is the progress of a campaign, [`running`] the state of a running coordinator; [`describing`] puts
-//!   both into words.
-//! - [`export`] writes the store's tables as [`table`]s of CSV, JSON or Parquet, or keeps them as [`columnar`] ones, [`model`] is its kriging model, and
-//!   [`pair_file`] an optimum as a pair file.
+//! - [`status`] is the progress of a campaign, [`running`] the state of a running coordinator; [`describing`] puts both
+//!   into words.
+//! - [`export`] writes the store's tables as CSV, JSON or Parquet through [`table`], or keeps them in memory as
+//!   [`columnar`] ones; [`model`] is its kriging model, and [`pair_file`] an optimum as a pair file.
 //! - [`report`] is the report with its charts; [`comparison`] puts the paper's figures beside ours.
 //! - [`sheet`] is the data sheet of a gear pair.
 //! - [`doubts`] has the reasons to doubt a pair, a recommended design and what a store holds.

@@ -9,8 +9,8 @@ use store::Store;
 use crate::columns::column;
 use crate::snapshot;
 
-/// The model of the measure over the variables that the DoE moves, as the campaign fitted it last: after an
-/// enrichment, to its infill points as well.
+/// The model that the campaign fitted last, of the measure over the variables that the DoE moves. After an enrichment
+/// it is fitted to the infill points as well.
 ///
 /// # Errors
 ///

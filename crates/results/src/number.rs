@@ -333,7 +333,7 @@ mod tests {
         ];
         let expected = ["0 mm", "0.450 mm", "−0.033 mm", "1306.4 MPa"];
         assert_eq!(shown(&margins), expected);
-        // What is not zero does not vanish.
+        // A value that is not zero is not shown as zero.
         assert_eq!(shown(&[(250.0, ""), (1.2e-4, "")]), ["250", "0.000120"]);
         assert_eq!(shown(&[(0.0, ""), (f64::NAN, "")]), ["0", MISSING]);
         assert_eq!(shown(&[(2e12, "Pa")]), ["2.0000 × 10¹² Pa"]);

@@ -119,7 +119,7 @@ impl VerifiedOptimum {
         self.verification.as_ref().map(|one| &one.samples)
     }
 
-    /// What the verification samples count as in the measure that is optimised; empty without a design.
+    /// The values of the verification samples from which the optimised measure is estimated; empty without a design.
     #[must_use]
     pub fn values(&self, problem: &Problem) -> Vec<f64> {
         let samples = self.samples();
@@ -217,8 +217,8 @@ impl Optima {
         self.all.iter()
     }
 
-    /// The ranked optima, the best first: feasible, with all verification samples, whose measures keep their limits, and of
-    /// an approach that moves the variables of the DoE.
+    /// The ranked optima, the best first: feasible, with all verification samples, whose measures keep their limits,
+    /// and of an approach that moves the variables of the DoE.
     pub fn ranked(&self) -> impl Iterator<Item = &VerifiedOptimum> {
         self.ranking.iter().map(|&place| &self.all[place])
     }
@@ -229,7 +229,8 @@ impl Optima {
         self.ranked().next()
     }
 
-    /// Constraints on samples that the recommended design is not shown to keep, and optima that break one, in sentences.
+    /// Constraints on samples that the recommended design is not shown to keep, and optima that break one, in
+    /// sentences.
     #[must_use]
     pub fn doubts(&self, problem: &Problem) -> Vec<String> {
         let mut doubts = Vec::new();
@@ -343,7 +344,7 @@ mod tests {
             let best = optima.recommended().unwrap();
             assert_eq!(best.optimum.approach, Approach::BestOfDoe);
             assert_eq!(best.behind, None);
-            // Independent samples would not tell 0.1 from 0 with a standard error of 0.1 each.
+            // Independent samples with standard errors of 0.1 would not tell 0.1 from 0.
             assert!(low_end(&optima).unwrap() > 0.0);
             let behind = optima.of(Approach::Kriging).unwrap().behind.unwrap();
             assert!((behind.value - 0.1).abs() < 1e-9);

@@ -37,9 +37,9 @@ pub async fn of_optimum(store: &Store, approach: Approach) -> anyhow::Result<Pai
     pair(&problem, found)
 }
 
-/// The pair file of the design that violates the constraints least of those that the runs of `approach` ended with under
-/// the penalised objective, where no design that the approach tried is feasible, as text whose comments say so; and the
-/// constraints that the design breaks, in words.
+/// The pair file of an infeasible design as text, and the constraints that the design breaks, in words. If no design
+/// that the approach tried is feasible, this is the design that violates the constraints least among those that its
+/// runs ended with under the penalised objective. Comments in the file say so.
 ///
 /// # Errors
 ///

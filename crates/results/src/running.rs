@@ -144,9 +144,9 @@ pub struct Worker {
 /// The missing work of a stage.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Backlog {
-    /// So many samples or evaluations, with the standard error of that number.
+    /// A number of samples or evaluations, with its standard error.
     Counted(Kind, f64, f64),
-    /// So many runs of optimisers, by workers that compute whole runs.
+    /// A number of runs of optimisers, by workers that compute whole runs.
     Runs(f64),
 }
 

@@ -1,7 +1,8 @@
 //! The data sheet of a gear pair: the same rows for text, pages and JSON.
 //!
-//! [`gear::inspection::Sheet`] computes what ISO 21771 defines; [`sections`] puts it beside the file's values. The basic rack is
-//! named from the gear's side: h_fP* is the addendum of the tool, which cuts the root, and h_aP* its dedendum.
+//! [`gear::inspection::Sheet`] computes what ISO 21771 defines; [`sections`] puts it beside the file's values. The
+//! basic rack is named from the gear's side: h_fP* is the addendum of the tool, which cuts the root, and h_aP* its
+//! dedendum.
 
 use std::fmt::Write as _;
 
@@ -90,7 +91,7 @@ impl Row {
         }
     }
 
-    /// A row with numbers of pinion and mate; a number that is not finite is no value.
+    /// A row with numbers of pinion and mate; a number that is not finite counts as missing.
     fn each(
         key: &'static str,
         words: [&'static str; 3],

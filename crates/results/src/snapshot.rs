@@ -68,7 +68,7 @@ impl Snapshot {
             }
         }
         let mut responses = store.responses().await?;
-        // It is infinite if too many samples failed.
+        // A measure is infinite if too many samples failed.
         responses.retain(|row| row.measure.is_finite());
         let model = match latest_model(store).await? {
             Some(row) => Some((

@@ -1,4 +1,4 @@
-//! How far a campaign is.
+//! The progress of a campaign.
 
 mod reading;
 
@@ -290,7 +290,7 @@ impl Status {
         }
     }
 
-    /// What the current round of infill waits for; `None` outside the enrichment.
+    /// The progress of the current round of infill, in a sentence; `None` outside the enrichment.
     #[must_use]
     pub fn round_sentence(&self) -> Option<String> {
         let enrichment = self.enrichment.filter(|_| self.stage == Stage::Enrich)?;
@@ -305,8 +305,8 @@ impl Status {
         })
     }
 
-    /// About how many samples of the DoE are missing, with the standard error of that number: of the
-    /// designs that have not been tried, as many are taken to get samples as of the others.
+    /// An estimate of the number of missing samples of the DoE, with its standard error. The share of designs that get
+    /// samples is assumed to be the same among the designs that have not been tried.
     #[must_use]
     pub fn missing(&self) -> (f64, f64) {
         let DesignCounts {

@@ -1,4 +1,4 @@
-//! Doubts about what a store holds: workers that contradict each other and, of an external program, ignored seeds,
+//! Doubts about what a store holds: workers that contradict each other and, for an external program, ignored seeds,
 //! absurd samples and failed evaluations.
 
 use std::collections::BTreeSet;
@@ -112,8 +112,8 @@ async fn contradictions(store: &Store) -> Result<Option<String>, store::Error> {
     )))
 }
 
-/// The doubt about a program whose samples do not depend on its seed. `limited` has the measures of constraints: where one
-/// of them scatters, an objective without scatter, such as a weight, is meant so.
+/// The doubt about a program whose samples do not depend on its seed. `limited` has the measures of constraints. If one
+/// of them scatters, an objective without scatter, such as a weight, is no reason for doubt.
 fn ignored_seeds(
     problem: &Problem,
     responses: &[ResponseRow],

@@ -1,4 +1,4 @@
-//! Doubts about a pair that was simulated. [`PairFile::warnings`](problem::PairFile::warnings) owns those that the file
+//! Doubts about a simulated pair. [`PairFile::warnings`](problem::PairFile::warnings) has the doubts that the file
 //! alone shows.
 
 use gear::{Analysis, Pair, Range, ToothModel};
@@ -14,7 +14,7 @@ const MOST_RELIEF: f64 = 0.5;
 const LINE_LOAD: [f64; 2] = [1.0, 3000.0];
 /// Contact pressure in MPa above which the torque was probably given in another unit.
 const MOST_PRESSURE_MPA: f64 = 3000.0;
-/// ΔSTE in µm between which those of gears lie.
+/// The range of ΔSTE of gears, µm.
 const DELTA_STE_UM: [f64; 2] = [1e-3, 100.0];
 
 /// Results of a pair under load.

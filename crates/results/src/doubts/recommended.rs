@@ -48,8 +48,8 @@ fn at_bounds(snapshot: &Snapshot) -> Vec<String> {
         .collect()
 }
 
-/// A doubt about the model's intervals, if fewer observations lie within theirs than chance explains: more than two standard
-/// deviations of the binomial distribution below the promised share.
+/// A doubt about the model's intervals, if fewer observations lie within theirs than chance explains: more than two
+/// standard deviations of the binomial distribution below the promised share.
 fn of_coverage(problem: &Problem, model: &ModelSummary) -> Option<String> {
     let observations = model.residuals.len() as f64;
     let deviation = (PROMISED * (1.0 - PROMISED) / observations).sqrt();

@@ -1,4 +1,4 @@
-//! What an external simulator said of the candidates of the optimiser's runs and of infill points.
+//! The evaluations of an external simulator, of the candidates of the optimiser's runs and of infill points.
 
 use std::io::Write;
 

@@ -14,7 +14,7 @@ pub struct Request {
     /// The column of the observations' noise variances, in units of the response squared; without one
     /// the known noise is zero.
     pub variance: Option<String>,
-    /// The columns of the inputs; all other columns whose numbers differ if none are named.
+    /// The columns of the inputs. If none are named, all other columns with different numbers are inputs.
     pub inputs: Option<Vec<String>>,
     /// Whether rows in which a column of the model has no value are left out instead of refused.
     pub skip_missing: bool,

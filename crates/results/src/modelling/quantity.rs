@@ -36,7 +36,7 @@ impl Quantity {
         }
     }
 
-    /// A quantity of a problem. Of gears, the names of the variables end in their unit, and `unit` is empty.
+    /// A quantity of a problem. For gears, the names of the variables end in their unit, and `unit` is empty.
     #[must_use]
     pub fn of_problem(name: &str, unit: &str) -> Self {
         match unit {

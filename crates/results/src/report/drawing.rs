@@ -102,7 +102,7 @@ pub struct PressureCurves {
     pub worn_mpa: Vec<f64>,
 }
 
-/// The profile of one gear between its active diameters: what is taken off on purpose, and worn.
+/// The profile of one gear between its active diameters: its modification and its wear.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FlankProfile {
     /// `pinion` or `mate`.
@@ -211,7 +211,8 @@ pub fn drawing(pair: &gear::Pair) -> GearDrawing {
     }
 }
 
-/// The relieved flanks of all teeth, magnified by a round factor so that the greatest relief is about a seventh of a module deep.
+/// The relieved flanks of all teeth, magnified by a round factor so that the greatest relief is about a seventh of a
+/// module deep.
 fn magnified_relief(pair: &gear::Pair) -> Option<MagnifiedRelief> {
     let amounts = pair.corrections().tip_relief.into_iter().flatten();
     let amount = amounts.map(|relief| relief.amount).fold(0.0, f64::max);

@@ -51,7 +51,7 @@ pub struct EnrichmentRound {
     pub predicted: f64,
     /// Lower end of its 95 % interval.
     pub low: f64,
-    /// Upper end of it.
+    /// Upper end of that interval.
     pub high: f64,
 }
 

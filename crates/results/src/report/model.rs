@@ -33,9 +33,9 @@ pub struct Slice {
 #[derive(Debug, Clone, PartialEq)]
 pub struct VariableIndices {
     pub variable: String,
-    /// First-order index, 0 to 1: what it does by itself.
+    /// First-order index, 0 to 1: the variable's effect alone.
     pub first: f64,
-    /// Total index, 0 to 1: what it does together with the others, too.
+    /// Total index, 0 to 1: the variable's effect including its interactions.
     pub total: f64,
 }
 

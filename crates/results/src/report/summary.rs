@@ -1,4 +1,4 @@
-//! The head of every report: what was put in, what is missing, and what is recommended.
+//! The head of every report: the inputs, the missing parts, and the recommended design.
 
 use problem::Approach;
 use problem::formulation::Constraint;

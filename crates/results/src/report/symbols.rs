@@ -18,7 +18,7 @@ const VARIABLES: usize = 11;
 /// Number of further variables: the corrections of the flanks.
 const CORRECTIONS: usize = 6;
 
-/// The variables in the order of Equation (1), the corrections, then what is computed.
+/// The variables in the order of Equation (1), the corrections, then the computed quantities.
 #[rustfmt::skip]
 const SYMBOLS: [Symbol; VARIABLES + CORRECTIONS + 6] = [
     of("x_p", ["x", "1"], ["x", "p"], "profile shift coefficient of the pinion", ""),

@@ -24,8 +24,8 @@ pub struct RandomFlanks {
 }
 
 /// ΔSTE at torques up to one and a half times that of the pair, under which its flanks are worn: without wear, with the
-/// mean of `wear`, and the P10 and P90 of `random` flanks. A curve that is not asked for is empty, and a torque at which
-/// the contact cannot be solved has no value.
+/// mean of `wear`, and the P10 and P90 of `random` flanks. A curve that is not asked for is empty, and a torque at
+/// which the contact cannot be solved has no value.
 #[must_use]
 pub fn over_torque(pair: &Pair, wear: Option<&Wear>, random: Option<RandomFlanks>) -> TorqueCurves {
     let design_nm = pair.input().pinion_torque * 1e-3;

@@ -19,8 +19,8 @@ const HARMONICS: [(&str, &str); ORDERS] = [
     ("ste_order_5_um", "amplitude of mesh order 5"),
 ];
 
-/// The static transmission error of an analysis, with the mean wear or without any, along the line of action, and as rotations of pinion and mate: mean,
-/// peak to peak, and amplitudes by mesh order.
+/// The static transmission error of an analysis, with the mean wear or without any, along the line of action and as
+/// rotations of pinion and mate: mean, peak to peak, and amplitudes by mesh order.
 #[must_use]
 pub fn transmission_error(pair: &Pair, analysis: &Analysis, is_worn: bool) -> Section {
     let radii = pair.geometry().r_b;
@@ -93,7 +93,8 @@ pub fn stiffness(pair: &Pair, factors: &Factors, unworn: &Analysis) -> Section {
     }
 }
 
-/// Pieces of a periodic curve through values at these phases, from 0 to below or up to 1: both ends, each as phase and value.
+/// Pieces of a periodic curve through values at these phases, from 0 to below or up to 1: both ends, each as phase and
+/// value.
 fn pieces<'a>(
     phases: &'a [f64],
     values: &'a [f64],
@@ -113,8 +114,8 @@ fn mean(phases: &[f64], values: &[f64]) -> f64 {
     areas.sum()
 }
 
-/// The amplitude of the harmonic of this order, from 1, of a periodic curve through values at these phases, which need not
-/// be evenly spaced: Fourier's integral by the trapezoidal rule.
+/// The amplitude of the harmonic of this order, from 1, of a periodic curve through values at these phases, which need
+/// not be evenly spaced: Fourier's integral by the trapezoidal rule.
 pub(crate) fn amplitude(phases: &[f64], values: &[f64], order: usize) -> f64 {
     let omega = TAU * order as f64;
     let part = |f: fn(f64) -> f64| {
@@ -129,8 +130,8 @@ pub(crate) fn amplitude(phases: &[f64], values: &[f64], order: usize) -> f64 {
 mod tests {
     use super::*;
 
-    /// At even phases, closed or not, the amplitudes are exact; at those of a spur pair, whose spacing has kinks and where two
-    /// are nearly one, to half a per cent.
+    /// At even phases, closed or not, the amplitudes are exact. At those of a spur pair, whose spacing has kinks and
+    /// where two phases nearly coincide, they are within half a per cent.
     #[test]
     fn harmonics_have_their_own_amplitudes() {
         let amplitudes = [2.0, 1.0, 0.3, 0.4, 0.1];

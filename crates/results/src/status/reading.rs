@@ -103,8 +103,8 @@ pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyh
     Ok(status)
 }
 
-/// Says what the stages took. The CPU times of all units are read of finished campaigns only, whose status
-/// is not asked for every second.
+/// Adds the times of the stages. The CPU times of all units are read only for finished campaigns, whose status is not
+/// asked for every second.
 async fn time(store: &Store, status: &mut Status, problem: &Problem) -> anyhow::Result<()> {
     if status.finished {
         let costs = Times::read(store, problem).await?.stages();

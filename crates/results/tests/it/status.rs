@@ -14,7 +14,6 @@ async fn status() -> Status {
     status
 }
 
-/// A coordinator with one worker of four slots that was heard of `silent` seconds ago.
 /// 50 samples of designs, 25 of points and 2 evaluations a second.
 fn paces(factor: Option<f64>) -> Paces {
     let kinds = [(Kind::Design, 50.0), (Kind::Point, 25.0), (Kind::Run, 2.0)];

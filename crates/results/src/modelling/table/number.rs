@@ -136,8 +136,8 @@ pub(super) enum Conflict {
     Unclear(usize),
 }
 
-/// The style of the cells that look like numbers. `commas_delimit`: a comma in a cell is not a rule of the
-/// table, as it is where the fields are separated otherwise.
+/// The style of the cells that look like numbers. `commas_delimit`: commas separate the fields, so a comma within a
+/// cell may separate decimals or thousands. Otherwise it is a decimal comma.
 pub(super) fn style<'a>(
     cells: impl Iterator<Item = &'a str>,
     commas_delimit: bool,

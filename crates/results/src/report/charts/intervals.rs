@@ -17,8 +17,8 @@ pub struct PercentileSeries {
     pub infeasible: Vec<f64>,
 }
 
-/// The `measure` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 % intervals as
-/// bars, one line per approach.
+/// The `measure` (its name, such as P90) of ΔSTE in µm (logarithmic) against the pinion's number of teeth, with 95 %
+/// intervals as bars, one line per approach.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a positive measure.

@@ -6,12 +6,12 @@ use crate::report::drawing::FlankProfile;
 use crate::report::error::Error;
 use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
-/// What is missing of a gear's profile over the roll angle, in µm: the modification, and with the mean wear. Removed
-/// material counts downwards.
+/// The depth of material missing from a gear's profile over the roll angle, in µm: by the modification, and with the
+/// mean wear. Removed material counts downwards.
 ///
 /// # Errors
-/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not empty is not as long as
-/// the roll angles.
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not empty is not as
+/// long as the roll angles.
 pub fn profile(profile: &FlankProfile) -> Result<Picture, Error> {
     let angles = &profile.roll_angle_deg;
     same_length("the profile modification", angles, &profile.modification_um)?;

@@ -15,7 +15,7 @@ const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
 /// design that cannot be simulated counts 100, an optimum about one.
 const LOG_FROM_RATIO: f64 = 8.0;
 
-/// The vertical axis ends at the highest value of a start after this part of its evaluations.
+/// The vertical axis ends at the highest of the starts' best values after 1/`CUT` of their evaluations.
 const CUT: f64 = 50.0;
 
 /// Best penalised objective (no unit, Equation (5)) against evaluations, one line per start.
@@ -52,7 +52,7 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     if let Some(ring) = rings.iter_mut().find(|ring| !ring.points.is_empty()) {
         ring.name = Some("restart".to_owned());
     }
-    // The first evaluations are many times as high as the rest, in which the descent is to be seen.
+    // The first values are many times as high as the rest, which shows the descent.
     let values = || series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let least = values().fold(f64::INFINITY, f64::min);
     let early = series.iter().filter_map(|s| {

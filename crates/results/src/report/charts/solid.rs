@@ -1,8 +1,8 @@
 //! The gear pair in axonometric view: outlines drawn out along helices.
 //!
-//! The view is parallel, from above the near end faces. Nothing lies in front of those, and within a layer of
-//! the face width a surface hides only what is farther from the viewer, so painting the layers from the far
-//! end to the near one, each in the order of depth, and the end faces last, hides what is hidden.
+//! The view is parallel, from above the near end faces, and nothing lies in front of these. Within a layer of the face
+//! width, a surface hides only surfaces that are farther from the viewer. The layers are therefore painted from the far
+//! end to the near one, each in the order of depth, and the end faces last.
 
 use super::HALF;
 use super::gears::finite;

@@ -8,8 +8,8 @@ use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 /// ΔSTE in µm over the pinion's torque in N·m; rings are at the torque that the pair is designed for.
 ///
 /// # Errors
-/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not empty is not as long
-/// as the torques.
+/// [`Error::NothingToDraw`] without a finite value, [`Error::LengthMismatch`] if a curve that is not empty is not as
+/// long as the torques.
 pub fn torque(curves: &TorqueCurves) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let mut rings = Vec::new();

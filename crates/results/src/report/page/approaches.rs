@@ -165,7 +165,7 @@ fn constraint_cells(constraints: &[Constraint], criteria: &GearCriteria) -> Vec<
         .iter()
         .chain(&criteria.flank_margin_mm);
     let margin = margins.copied().fold(f64::INFINITY, f64::min);
-    // A difference of rounding errors is none.
+    // A difference within rounding errors counts as zero.
     let is_zero = margin.abs() <= 1e-9 * criteria.normal_module_mm;
     let margin = if is_zero { 0.0 } else { margin };
     let values = [

@@ -14,7 +14,7 @@ pub(super) struct CasesView {
     pub(super) rows: Vec<CaseRow>,
 }
 
-/// One case, or what counts of all of them.
+/// One case, or the objective over all of them.
 pub(super) struct CaseRow {
     pub(super) case: String,
     /// The measure with its interval, at the optimum of each approach.

@@ -53,8 +53,7 @@ impl Figure {
     }
 }
 
-/// A chart for the page, whose file is called `name`. Nothing to draw is a sentence, any other error stays
-/// one.
+/// A chart for the page, whose file is called `name`. An empty chart becomes a sentence; any other error is returned.
 pub(super) fn figure(name: &str, picture: Result<Picture, Error>) -> Result<Figure, Error> {
     match picture {
         Ok(picture) => Ok(Figure {

@@ -1,4 +1,4 @@
-//! The kriging model: how well it predicts, and what it says.
+//! The kriging model: its quality, its parameters and its predictions.
 
 use stages::fitting::ModelSummary;
 
@@ -59,7 +59,7 @@ impl<'a> KrigingView<'a> {
     }
 }
 
-/// What the model was fitted to, in words.
+/// The observations that the model was fitted to, in words.
 fn observations(snapshot: &Snapshot, model: &ModelSummary) -> String {
     let is_of_doe = |(number, _): &&(u64, f64)| *number < snapshot.designs.len() as u64;
     let designs = model.residuals.iter().filter(is_of_doe).count();

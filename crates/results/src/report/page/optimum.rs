@@ -24,7 +24,7 @@ pub(super) struct OptimumView {
     pub(super) anchor: String,
     pub(super) title: String,
     pub(super) summary: String,
-    /// The paper's figure of the same design, and what is printed with it.
+    /// The paper's figure of the same design, and the values that the paper prints with it.
     pub(super) printed: Option<(u8, String)>,
     pub(super) failed: bool,
     /// The data sheet of the recommended design; empty for others.

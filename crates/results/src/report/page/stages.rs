@@ -1,4 +1,4 @@
-//! What each stage took.
+//! The cost of each stage.
 
 use crate::number::{MISSING, count, seconds};
 use crate::snapshot::Snapshot;

@@ -76,7 +76,8 @@ impl Ruler {
 
     /// The ticks of an axis of `length` px, ascending. `extent` is a label's length along the axis, px.
     ///
-    /// They are the densest of the candidates whose labels do not touch; at least three, unless so many labels do not fit.
+    /// They are the densest of the candidates whose labels do not touch; at least three, unless so many labels do not
+    /// fit.
     pub(crate) fn ticks(&self, length: f64, extent: impl Fn(&str) -> f64) -> Vec<Tick> {
         let fits = |ticks: &[Tick], gap: f64| {
             ticks.windows(2).all(|two| {

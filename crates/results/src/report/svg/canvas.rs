@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-/// Text with the five characters replaced that mean something in XML and HTML.
+/// The text with the five special characters of XML and HTML replaced.
 pub(crate) fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -233,7 +233,7 @@ impl Table {
 }
 
 impl Picture {
-    /// With the points that it shows.
+    /// The picture with the points that it shows.
     pub(crate) fn with_data(self, data: Table) -> Self {
         Self {
             data: Some(data),
@@ -241,7 +241,7 @@ impl Picture {
         }
     }
 
-    /// With the `subject`, such as a design, said first by a screen reader.
+    /// The picture with a `subject`, such as a design, which a screen reader says first.
     pub(crate) fn of(self, subject: &str) -> Self {
         Self {
             label: format!("{}. {}", subject.trim_end_matches('.'), self.label),

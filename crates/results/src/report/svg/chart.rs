@@ -85,7 +85,7 @@ pub enum Mark {
     Bars,
     /// Dots that are seen one by one.
     Points,
-    /// Rings, to mark points of another series or what is missing.
+    /// Rings, to mark points of another series or missing values.
     Rings,
     /// Open circles of this radius around points of another series.
     Halo(f64),

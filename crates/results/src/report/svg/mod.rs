@@ -1,4 +1,4 @@
-//! A small SVG writer: what the charts and the gear drawings are made of.
+//! A small SVG writer for the charts and the gear drawings.
 //!
 //! Colours live in classes (`charts.css`), not in the elements, so that one picture serves the light
 //! and the dark theme. No element has an id, so any number of pictures can stand in one page.

@@ -57,8 +57,8 @@ fn set_optima(report: &mut Report, all: Vec<(Optimum, Option<Verification>)>) {
 fn a_full_page_is_well_formed_and_shows_every_chart() {
     let page = render(&plausible()).unwrap().html;
     check(&page);
-    // 3 convergence charts, 2 of the distribution, 2 of the enrichment, 5 charts of each of 4 designs, 4 of the paper's start of an
-    // optimisation, wear, 2 + 2 scatter plots, kriging: leave-one-out, residuals, a slice.
+    // 3 convergence charts, 2 of the distribution, 2 of the enrichment, 5 charts of each of 4 designs, 4 of the paper's
+    // start of an optimisation, wear, 2 + 2 scatter plots, kriging: leave-one-out, residuals, a slice.
     assert_eq!(element_count(&page, "svg"), 39);
     assert!(
         !page.contains("class=\"empty\""),
@@ -186,9 +186,9 @@ fn text_from_outside_is_escaped_everywhere() {
     let page = render(&data).unwrap().html;
     check(&page);
     assert!(!page.contains("<script"));
-    // The title four times (twice in the head, in the heading, and in the block to sign), and once for each of the others; the failed approach
-    // gives its reason in the table and in its own section, the warning of the model stands beside it
-    // and in the notes, and the subject of the wear stands in the alternative text, the title and the caption
+    // The title four times (twice in the head, in the heading, and in the block to sign), and once for each of the
+    // others; the failed approach gives its reason in the table and in its own section, the warning of the model stands
+    // beside it and in the notes, and the subject of the wear stands in the alternative text, the title and the caption
     // of its chart.
     assert_eq!(page.matches("alert(").count(), 23);
 }
