@@ -7,7 +7,7 @@ use store::{CriteriaRow, InfillRow, Progress, RoundRow};
 use crate::constraints;
 use crate::stage::Stage;
 
-/// The most calls of a stage, if nothing fails and no search has to go on for want of a feasible design.
+/// The most calls of a stage, if nothing fails and every search finds a feasible design in its budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Calls {
     pub stage: Stage,
@@ -93,7 +93,8 @@ pub fn infill(problem: &Problem, rounds: &[RoundRow], infill: &[InfillRow]) -> u
     searching + evaluated.count() as u64 + sampled.map(|row| row.samples).sum::<u64>()
 }
 
-/// The samples in the campaign file, which no program was asked for, among those of the designs with these numbers of them.
+/// The number of stored samples that come from the campaign file and cost no call. `counts` holds the number of stored
+/// samples of each design.
 pub fn known(problem: &Problem, counts: impl IntoIterator<Item = (u64, u64)>) -> u64 {
     let counts = counts.into_iter();
     counts
@@ -108,8 +109,8 @@ pub fn samples(problem: &Problem, progress: &Progress) -> u64 {
     progress.samples + progress.point_samples + of_searches
 }
 
-/// Evaluations of a simulable design of the DoE: one, and of a gear pair one without wear and one with Archard's; none if
-/// the campaign file has its responses.
+/// Evaluations of a simulable design of the DoE: none if the campaign file has its responses, otherwise one; for a gear
+/// pair two, without wear and with Archard's.
 fn evaluations(problem: &Problem, design: u64) -> u64 {
     match problem.own_responses(design) {
         Some(_) => 0,

@@ -1,14 +1,13 @@
 //! The constraints of infill points when only an external program knows them.
 //!
-//! The program cannot evaluate the thousands of candidates of a round, so kriging models of the
-//! criteria replace it there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of
-//! metamodeling sampling criteria for constrained global optimization*, Engineering Optimization 34 (2002).
-//! Rounds take in turn the probability that the constraints are kept and the models' means as constraints
-//! (`Caution`): the models become better about the constraints' edges, where they are uncertain. Each point that a
-//! round chooses is then evaluated by the program before it gets samples. A point that breaks a constraint gets
-//! none: its values refine the models of the next round. A recommended design is always one that was evaluated, so no
-//! model decides whether it is feasible. A problem without constraints is asked, too: the program may refuse a point, and the next rounds
-//! learn from that where points can be simulated.
+//! The program cannot evaluate the thousands of candidates of a round, so kriging models of the criteria replace it
+//! there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of metamodeling sampling criteria for constrained
+//! global optimization*, Engineering Optimization 34 (2002). Rounds take in turn the probability that the constraints
+//! are kept and the models' means as constraints (`Caution`): the models become better about the constraints' edges,
+//! where they are uncertain. Each point that a round chooses is then evaluated by the program before it gets samples. A
+//! point that breaks a constraint gets none: its values refine the models of the next round. A recommended design is
+//! always one that was evaluated, so no model decides whether it is feasible. A problem without constraints is asked,
+//! too: the program may refuse a point, and the next rounds learn from that where points can be simulated.
 
 use std::sync::Arc;
 
@@ -95,7 +94,7 @@ pub async fn criteria_at(
     Ok(None)
 }
 
-/// Probability of keeping all constraints below which a design is not looked at.
+/// Probability of keeping all constraints below which a design counts as infeasible.
 const HARDLY: f64 = 0.01;
 
 /// Models of the criteria, in their problem's order.
@@ -118,9 +117,9 @@ impl Models {
         }
     }
 
-    /// The predicted constraint violation of a design or, if `caution` asks for it, the probability that it keeps all
-    /// constraints, with a violation only where that is next to nothing. Nothing is held against a design if a criterion has
-    /// no model, because the program evaluates the chosen points anyway.
+    /// The predicted constraint violation of a design. If `caution` asks for it, the result is instead the probability
+    /// that the design keeps all constraints, with a violation only if that probability is below `HARDLY`. If a
+    /// criterion has no model, the violation is zero, because the program evaluates the chosen points anyway.
     pub(crate) fn known(&self, problem: &Problem, x: &[f64], caution: Caution) -> ExactCriteria {
         let models = self.models.iter();
         let predicted = models.map(|model| Some(model.as_ref()?.predict(x)));

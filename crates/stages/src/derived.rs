@@ -148,8 +148,8 @@ impl<'a> Dependencies<'a> {
         !self.differs(&DerivedResult::Responses, &self.responses_inputs())
     }
 
-    /// Whether results that depend on the samples of the DoE are compared with their inputs. They are not while
-    /// samples are missing and responses exist, nor before the responses are computed from all samples.
+    /// Whether results that depend on the samples of the DoE are compared with their inputs. They are not compared
+    /// while samples are missing and responses exist, nor before the responses are computed from all samples.
     fn is_known(&self) -> bool {
         if self.is_sampled() {
             self.has_responses()

@@ -30,7 +30,8 @@ impl Doe {
         })
     }
 
-    /// The estimates of the measures that constraints limit, with their variances, of the designs that have all of them.
+    /// The estimates of the measures that constraints limit, with their variances, for the designs that have all of
+    /// them.
     #[must_use]
     pub fn estimates(&self, problem: &Problem) -> BTreeMap<u64, Vec<(f64, f64)>> {
         let count = problem.limited().len();
@@ -54,8 +55,8 @@ impl Doe {
         evaluated.collect()
     }
 
-    /// The designs that satisfy every constraint, by their numbers, with their criteria: those of the baseline state, and
-    /// the bounds of the measures that constraints limit.
+    /// The designs that satisfy every constraint, by their numbers, with their criteria: those of the baseline state,
+    /// and the bounds of the measures that constraints limit.
     #[must_use]
     pub fn feasible(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, (Design, Criteria)> {
         let estimates = self.estimates(problem);

@@ -120,14 +120,14 @@ pub fn of_doe(problem: &Problem, base: &Design, doe: &Doe, number: u64) -> Vec<O
 /// A fitted model.
 #[derive(Debug)]
 pub struct FittedModel {
-    /// What it is a model of, as a phrase.
+    /// The modelled quantity, as a phrase.
     pub title: String,
     pub row: ModelRow,
     pub summary: ModelSummary,
 }
 
-/// Fits a model to every measure, that of the objective first, and to every [modelled](Problem::modelled) quantity, as rows
-/// named `name`.
+/// Fits a model to every measure, that of the objective first, and to every [modelled](Problem::modelled) quantity, as
+/// rows named `name`.
 pub fn fit_all(
     problem: &Problem,
     base: &Design,
@@ -211,7 +211,7 @@ fn fit_with(
     let points: Vec<&Observation> = observed
         .iter()
         .filter(|point| !is_left_out(point.number))
-        // Otherwise too many of its samples have failed.
+        // The measure is not finite if too many samples of the design have failed.
         .filter(|point| point.value.is_finite())
         .collect();
     let variables = |of: &[&Observation]| -> Vec<f64> {
@@ -227,7 +227,7 @@ fn fit_with(
         .noise
         .variances(&x, d, own.clone(), &samples, freedom, campaign.seed);
     let noise = match smoothed {
-        // Smoothing that the file does not ask for must not cost the model.
+        // If smoothing fails that the file does not ask for, the model is fitted without it.
         Err(_) if campaign.kriging.noise.is_none() => own,
         noise => noise?,
     };
@@ -304,7 +304,7 @@ fn guided<T>(
         without: &|observations| {
             let numbers: Vec<u64> = observations.iter().map(|&i| number(i)).collect();
             let designs = u64::from(problem.campaign().doe.designs);
-            // The infill points follow from the others.
+            // Infill points cannot be left out, because they follow from the other points.
             let can_be_left_out = numbers.iter().all(|number| *number < designs);
             can_be_left_out.then(|| format!("kriging.leave_out = {numbers:?}"))
         },
@@ -363,7 +363,7 @@ mod tests {
         let rows = designs::make(&problem, &[]).unwrap();
         let fitted = |slope: f64| {
             let value = |row: &DesignRow| {
-                // Scatter with a standard deviation of about 0.6, and what depends on the design.
+                // Scatter with a standard deviation of about 0.6, and a part that depends on the design.
                 let scatter = (17.0 * row.design as f64).sin() + (29.0 * row.design as f64).cos();
                 5.0 + 0.6 * scatter + slope * row.x[0]
             };

@@ -1,4 +1,4 @@
-//! The limits of measures of samples in a round of infill, which models of these measures tell.
+//! The limits of measures of samples in a round of infill, judged by models of these measures.
 
 use enrich::SampledDesign;
 use kriging::{Data, FitOptions, Model};
@@ -19,13 +19,13 @@ pub(crate) enum Caution {
     /// models become better there (M. Schonlau, *Computer Experiments and Global Optimization*, thesis, University of
     /// Waterloo, 1997).
     Probable,
-    /// It keeps all limits on samples with the probability that a recommended design needs, and the other constraints by
-    /// the means of their models.
+    /// It keeps all limits on samples with the probability that a recommended design needs, and the other constraints
+    /// by the means of their models.
     Safe,
 }
 
 impl Caution {
-    /// Rounds alternate: the models are improved, and then the design is observed that they make possible.
+    /// Rounds alternate: one improves the models, and the next observes the best design that they allow.
     pub(crate) fn of_round(round: usize) -> Self {
         if round.is_multiple_of(2) {
             Self::Probable
@@ -73,8 +73,8 @@ impl LimitedModels {
         }
     }
 
-    /// The values by which the constraints are judged at a sampled design. A measure without a model, or that is infinite
-    /// because samples failed, is judged by its own estimate.
+    /// The values by which the constraints are judged at a sampled design. A measure without a model, or that is
+    /// infinite because samples failed, is judged by its own estimate.
     pub(crate) fn bounds(
         &self,
         problem: &Problem,
@@ -98,7 +98,7 @@ impl LimitedModels {
                 Caution::Probable => measured.probability(predicted.mean, predicted.variance),
                 Caution::Safe => {
                     let bound = measured.bound(predicted.mean, predicted.variance);
-                    // No variance is left beside the bound.
+                    // The bound already includes the variance.
                     measured.probability(bound, 0.0)
                 }
             }
@@ -107,8 +107,8 @@ impl LimitedModels {
     }
 }
 
-/// A model of a constrained quantity with these values and variances at the designs `x`, row after row; `None` if the data
-/// have none.
+/// A model of a constrained quantity with these values and variances at the designs `x`, row after row; `None` if no
+/// model can be fitted to the data.
 pub(crate) fn fitted(
     problem: &Problem,
     x: &[f64],

@@ -19,7 +19,7 @@ pub struct Optimum {
     pub found: Result<Solution, NoOptimum>,
     /// The cost of the search and of the results that it uses.
     pub cost: Cost,
-    /// A remark; without a model, the reason.
+    /// A remark; for an approach without a model, the reason.
     pub note: String,
 }
 

@@ -1,4 +1,4 @@
-//! The stages as a pure decision: what the store holds decides what comes next.
+//! The stages as a pure decision: the content of the store decides the next step.
 //!
 //! [`next`] looks at a [`State`] and names every result that is [outdated](crate::derived), every job whose
 //! inputs exist and whose result is missing, and at most one local step. It keeps no memory, so a coordinator
@@ -59,7 +59,7 @@ pub struct Next {
     /// Stored results that no longer follow from what the store holds. They are removed before anything
     /// else; nothing else is planned beside them.
     pub outdated: Vec<DerivedResult>,
-    /// What the samples of the DoE depend on, to be stored before there are any.
+    /// The derivation of the samples of the DoE, to be stored before there are any samples.
     pub samples: Option<Derivation>,
     /// Runs of optimisers whose inputs exist and whose results are missing.
     pub runs: Vec<Run>,
@@ -80,7 +80,7 @@ pub struct Next {
 }
 
 impl Next {
-    /// The stage that waits for this. What is computed meanwhile for a later stage does not count.
+    /// The stage that waits for these requests. Jobs that are computed meanwhile for a later stage do not count.
     #[must_use]
     pub fn stage(&self) -> Stage {
         let is_infill = |point: &VerifyPoint| infill::is_infill(point.number);
@@ -118,7 +118,7 @@ impl Next {
     }
 }
 
-/// Decides what comes next.
+/// Decides the next step.
 #[must_use]
 pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     let dependencies = Dependencies::new(problem, inputs, state);
@@ -142,7 +142,7 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     let mut points = verify_points(campaign, state);
     points.retain(|point| !point.is_complete());
     let is_unverified = !points.is_empty();
-    // Also those whose last samples came while the state was read: the next pass sees them settled.
+    // This includes points whose last samples came while the state was read: the next pass sees them settled.
     points.extend(state.enrichment.points.iter().cloned());
     points.retain(|point| !state.quarantined.contains(&StreamId::point(point.number)));
     let (local, inputs) = local_step(problem, state, &dependencies).unzip();

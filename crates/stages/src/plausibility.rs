@@ -1,9 +1,9 @@
 //! Samples of an external program that are absurd beside all others of the DoE.
 //!
-//! The scale is the median of the designs' medians, and what samples and designs usually scatter by. A sample
-//! that is so far from that median that the others are lost in double precision when they are added to it says
-//! nothing about its design: the design then gets no response. One that is far, but may come from a heavy tail
-//! or stand for a failed run, is reported and counts.
+//! The scale is the median of the designs' medians, together with the usual scatter of samples and designs. A sample
+//! says nothing about its design if it is so far from that median that, in double precision, adding it rounds the
+//! others away. The design then gets no response. A sample that is far, but may come from a heavy tail or stand for a
+//! failed run, is reported and counts.
 
 use problem::formulation::{Problem, Quantity};
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,7 @@ pub struct Outlier {
     pub is_excluded: bool,
 }
 
-/// What is known about the plausibility of the samples of the DoE.
+/// The plausibility of the samples of the DoE.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plausibility {
     /// The scale of each response; `None` if all its samples are 0. Empty if no response has one.
@@ -136,7 +136,7 @@ impl Plausibility {
         this
     }
 
-    /// Reads what was found when the stored responses were computed.
+    /// Reads the plausibility that was found when the stored responses were computed.
     ///
     /// # Errors
     ///
@@ -155,7 +155,8 @@ impl Plausibility {
         outliers.any(|one| one.design == design && one.is_excluded)
     }
 
-    /// The first of these samples that says nothing about its design: its index, the name of the response and the value.
+    /// The first of these samples that says nothing about its design: its index, the name of the response and the
+    /// value.
     #[must_use]
     pub fn absurd<'p>(
         &self,

@@ -29,7 +29,7 @@ pub fn points(problem: &Problem) -> Vec<VerifyPoint> {
     let Some(gears) = gears.filter(|_| problem.campaign().compares_with_paper()) else {
         return Vec::new();
     };
-    // No percentile is printed of Figure 6.
+    // The paper prints no percentile for Figure 6.
     Place::all()
         .filter(|place| *place != Place::Figure(6))
         .map(|place| VerifyPoint {

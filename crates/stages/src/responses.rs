@@ -11,7 +11,7 @@ use store::{DesignRow, ResponseRow};
 
 use crate::linear::LinearResponse;
 
-/// What a design's samples count as, with their control variate if there is one.
+/// The values of a design's samples, with their control variate if there is one.
 #[derive(Debug, Clone, Copy)]
 pub struct ControlledSamples<'a> {
     /// The values of the samples from the first on, without a hole: for a gear pair ΔSTE, µm.
@@ -43,7 +43,7 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
         return Ok(Sufficiency::Enough(count));
     };
     if held < first {
-        // Some were discarded.
+        // Some samples were discarded.
         return Ok(Sufficiency::Wants {
             samples: first,
             at_least: held,

@@ -55,7 +55,7 @@ pub struct State {
     pub samples: String,
     /// The digest of all criteria of the DoE.
     pub criteria: String,
-    /// What the stored results were computed from, by [`store::DerivedResult::name`].
+    /// The derivations of the stored results, by [`store::DerivedResult::name`].
     pub derivations: BTreeMap<String, Derivation>,
     /// The kriging models as JSON, once fitted, in the order of [`fit_all`](crate::fitting::fit_all).
     pub models: Vec<Arc<str>>,
@@ -81,7 +81,7 @@ pub struct State {
 pub struct Progress {
     /// For every decided round, the digest of the results of its points.
     pub rounds: Vec<String>,
-    /// The points of all rounds that lack something.
+    /// The points of all rounds that lack samples or an evaluation.
     pub points: Vec<VerifyPoint>,
     /// The numbers of the points of all rounds.
     pub numbers: BTreeSet<u64>,
@@ -92,8 +92,7 @@ pub struct Progress {
 impl State {
     /// The values of the variables that the DoE does not move, once they are known.
     ///
-    /// If the approach without wear found no feasible design, there is nothing to freeze, and the printed values
-    /// serve.
+    /// If the approach without wear found no feasible design, the printed values are used.
     #[must_use]
     pub fn base(&self, problem: &Problem) -> Option<Design> {
         let printed = || problem.base().clone();

@@ -32,7 +32,7 @@ pub fn requests(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDes
     if let Some(base) = &next.sampling {
         for design in open {
             let source = Source::Design(problem.design(&design.x, base));
-            // Its criteria tell whether it needs samples, so there always are some to ask for.
+            // Missing criteria are computed together with samples, so an open design always has samples to request.
             let stream = StreamId::design(design.design);
             let mut wanted = inputs.wanted(stream, source, design.samples);
             wanted.missing.clone_from(&design.missing);

@@ -125,7 +125,7 @@ fn a_failed_fit_is_tried_again_with_other_responses() {
     world.assert_undisturbed();
 }
 
-/// A run that was quarantined has its say once it delivers.
+/// A quarantined run counts once it delivers.
 #[test]
 fn an_optimum_is_chosen_again_when_a_quarantined_run_delivers() {
     let mut world = World::new(campaign());
@@ -141,7 +141,7 @@ fn an_optimum_is_chosen_again_when_a_quarantined_run_delivers() {
     world.assert_undisturbed();
 }
 
-/// A job that fails for good costs no simulation at a restart: only optima are chosen again.
+/// A job that always fails costs no simulation at a restart: only optima are chosen again.
 #[test]
 fn a_design_that_fails_again_leaves_everything_but_optima_in_place() {
     let mut world = World::new(enriched());
@@ -156,7 +156,7 @@ fn a_design_that_fails_again_leaves_everything_but_optima_in_place() {
     assert!(world.steps[before..].iter().all(is_choice));
 }
 
-/// Rounds stand up to the first one that was decided without samples that are there now.
+/// Rounds are kept up to the first one that was decided without samples that are stored by now.
 #[test]
 fn rounds_are_decided_again_from_the_first_whose_inputs_changed() {
     let mut world = World::new(enriched());
@@ -185,7 +185,7 @@ fn rounds_are_decided_again_from_the_first_whose_inputs_changed() {
     world.assert_undisturbed();
 }
 
-/// An enrichment that ended since all of its points failed goes on when they deliver.
+/// An enrichment that ended because all of its points failed continues when they deliver.
 #[test]
 fn an_enrichment_that_ended_by_failures_goes_on() {
     let mut world = World::new(enriched());
@@ -212,7 +212,7 @@ fn a_round_whose_last_sample_comes_while_the_state_is_read_is_waited_for() {
     world.assert_undisturbed();
 }
 
-/// A verified optimum leaves no samples behind where another design, or none, is chosen in its place.
+/// The samples of a verified optimum are removed if another design, or none, is chosen in its place.
 #[test]
 fn samples_of_another_design_are_removed() {
     let mut world = World::new(campaign());
@@ -241,7 +241,7 @@ fn what_was_repaired_is_repaired_after_any_history() {
     }
 }
 
-/// What needs to be computed again after an extension follows from the digests, too.
+/// The digests also decide which results are computed again after an extension.
 #[test]
 fn an_extension_keeps_what_does_not_depend_on_the_doe() {
     let mut world = World::new(enriched());

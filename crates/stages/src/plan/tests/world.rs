@@ -1,4 +1,4 @@
-//! A store and workers in memory, whose results are digests of what they were computed from.
+//! A store and workers in memory, whose results are digests of their inputs.
 
 use std::collections::BTreeMap;
 
@@ -201,7 +201,7 @@ impl World {
         panic!("no end: {:?}", self.next());
     }
 
-    /// Gives what was quarantined another chance.
+    /// Retries the quarantined streams.
     pub(super) fn retry(&mut self, down: fn(StreamId) -> bool) {
         self.down = down;
         self.state.quarantined.clear();
