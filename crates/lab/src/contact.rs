@@ -1,5 +1,5 @@
-//! The tooth models against finite elements: 288 load cases of 24 pairs that no constant was fitted to, and
-//! 264 cases of 22 pairs that no choice was made with either.
+//! The tooth models against finite elements: 288 load cases of 24 pairs to which no constant was fitted, and 264 cases
+//! of 22 pairs that influenced no choice either.
 //!
 //! Spur and helical pairs, bare, relieved, worn (evenly by Archard's law or at random), misaligned and crowned, at
 //! 25 to 150 % of the load 100 m N/mm. Finite elements: 27-node bricks, a sector of 11 teeth of each gear, solid
@@ -81,7 +81,7 @@ pub const CLASSES: [&str; 10] = [
     UNSEEN_PAIRS,
 ];
 
-/// The class of the pairs that no choice was made with, which belong to no other one.
+/// The class of the pairs that influenced no choice. They belong to no other class.
 const UNSEEN_PAIRS: &str = "unseen pairs";
 
 /// A load case, ready for any tooth model.

@@ -5,7 +5,7 @@
 //! returns, measures, and checks the promises of the entry. The tests of this crate run all entries and fail when a
 //! promise is broken. `coordinator stability` writes the page of the same run ([`Atlas`]).
 //!
-//! A robustness test belongs here and not into the crate of the method.
+//! A robustness test belongs here and not in the crate of the method.
 //!
 //! Random numbers come from the named streams of `stats`, and no figure is a time: the same build gives the same page.
 

@@ -15,7 +15,7 @@ pub struct Pair {
     pub error: usize,
     /// The rule that chooses the recommended setting.
     pub rule: Rule,
-    /// Whether the cost is given by the task and is not a choice, as the time of a program's sample is.
+    /// Whether the task sets the cost, so that it is not a choice, for example the time of a program's sample.
     pub given: bool,
 }
 
@@ -49,7 +49,7 @@ impl<'a> View<'a> {
         recommend(&points, self.pair.rule).map(|(place, _)| rows[place])
     }
 
-    /// The sentence that recommends a setting, with the reason, or says from which given cost on the error is small.
+    /// A sentence that recommends a setting, with the reason, or that says from which given cost on the error is small.
     #[must_use]
     pub fn sentence(&self) -> String {
         let rows = self.rows();
@@ -128,7 +128,7 @@ impl<'a> View<'a> {
         text
     }
 
-    /// The panel, if there are several, and what is over what, as briefly as it stays clear.
+    /// The panel, if there are several, and the names of error and cost, as short as they stay clear.
     fn title(&self) -> String {
         let columns = [self.pair.error, self.pair.cost].map(|i| &*self.table.columns[i]);
         let names = columns.map(|column| name_and_unit(column).0);

@@ -106,8 +106,8 @@ fn no_tooth(outcome: &mut Outcome) -> Result<(), EntryError> {
             },
             |reason| matches!(reason, Infeasibility::ToothWithoutThickness { half_angle, .. } if *half_angle <= 0.0),
         ),
-        // The flanks meet between the base and the reference circle: the pinion can be cut, but is no beam of its
-        // thickness at the reference circle.
+        // The flanks meet between the base and the reference circle: the pinion can be cut, but a beam with its
+        // thickness at the reference circle does not exist.
         (
             "beam-without-thickness",
             PairInput {

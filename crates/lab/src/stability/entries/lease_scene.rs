@@ -116,7 +116,7 @@ pub(super) fn crashed(outcome: &mut Outcome, crashes: &[Crash]) {
     }
 }
 
-/// Records what `coordinator explain` would print.
+/// Records the sentences that `coordinator explain` would print.
 pub(super) fn explained(outcome: &mut Outcome, ledger: &Ledger<()>, now: Duration) {
     for explanation in ledger.explain(now, stream_name) {
         outcome.detected(variant(&explanation), &explanation);
