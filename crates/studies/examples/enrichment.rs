@@ -1,8 +1,8 @@
 //! Compares kriging with enrichment with the other approaches, in one process.
 //!
-//! `cargo run --release -p studies --example enrichment -- [--campaign campaigns/paper.toml] [--seeds 1..=10]
-//! [--teeth 23,27] [--torque 300] [--tooth-model weber-banaschek] [--noise own|smoothed] [--criterion NAME] [--without kriging,direct,…]
-//! [--trace]`
+//! `cargo run --release -p studies --example enrichment -- [--campaign campaigns/paper.toml] [--seeds 1..=10] [--teeth
+//! 23,27] [--torque 300] [--tooth-model weber-banaschek] [--noise own|smoothed] [--criterion NAME] [--without
+//! kriging,direct,…] [--trace]`
 //!
 //! For each seed, on the problem of the campaign file, whose numbers of teeth (pinion, mate), pinion torque in
 //! Nm and tooth model the command line may replace:
@@ -14,14 +14,13 @@
 //!   constraint of the pressure takes anyway, is the baseline that one of the models adds to;
 //! - the direct search: CMA-ES on P90 from 30 samples with common random numbers, 36 000 analyses.
 //!
-//! Every winner gets 20 000 verification samples, all with the same random numbers. One JSON object per seed and method goes to standard
-//! output, the table in Markdown after them.
+//! Every winner gets 20 000 verification samples, all with the same random numbers. One JSON object per seed and method
+//! goes to standard output, the table in Markdown after them.
 //!
-//! **Calls.** `worn` counts analyses with random wear, those that 20 % refers to.
-//! `plain` counts analyses without random wear: one without wear, and one more with Archard's. The
-//! enrichment and the direct search spend them on the exact constraint of the pressure, where the
-//! geometry alone does not rule a design out; the paper's approaches on every design they try. What
-//! both cost at the paper's 2 s a call is the table's last column.
+//! **Calls.** `worn` counts analyses with random wear, to which the 20 % refer. `plain` counts analyses without random
+//! wear: one without wear, and one more with Archard's. The enrichment and the direct search spend them on the exact
+//! constraint of the pressure, where the geometry alone does not rule a design out; the paper's approaches spend them
+//! on every design they try. The table's last column is the cost of both at the paper's 2 s a call.
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 

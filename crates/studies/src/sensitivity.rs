@@ -89,7 +89,7 @@ pub fn scenarios(problem: &Problem, optimum: &FeasibleOptimum) -> anyhow::Result
         .collect()
 }
 
-/// Samples of the ΔSTE of a loaded pair, µm, that counts of those in all cases. Sample i uses the stream
+/// Samples of the objective ΔSTE of a loaded pair, µm, which combines the values of all cases. Sample i uses the stream
 /// (campaign's seed, purpose, number, i).
 fn draw(
     problem: &Problem,
@@ -109,9 +109,9 @@ fn draw(
     Ok(problem.objective().values(&all))
 }
 
-/// First-order and total indices of P90 (from the common samples of a direct search), and of the
-/// ΔSTE of one worn pair, whose wear field is one input more, together with the deviations of
-/// a campaign with a scatter of manufacture. Each analysis has this number of rows.
+/// First-order and total indices of two outputs: P90 from the common samples of a direct search, and ΔSTE of one worn
+/// pair. The wear field of that pair is an additional input, which includes the deviations of manufacture if the
+/// campaign has a scatter of them. Each analysis has this number of rows.
 ///
 /// # Errors
 ///

@@ -367,6 +367,7 @@ fn figures(
 ///
 /// # Errors
 ///
+/// A figure cannot be serialised.
 pub fn to_json(simulation: &Simulation) -> anyhow::Result<serde_json::Value> {
     let mut object = serde_json::to_value(simulation)?;
     if let (Some(object), Some(figures)) = (object.as_object_mut(), &simulation.figures)

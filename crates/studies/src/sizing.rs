@@ -1,8 +1,9 @@
-//! `coordinator sizing`: pairs with other teeth and modules, each at its own optimum, in the order of their percentiles.
+//! `coordinator sizing`: pairs with other teeth and modules, each at its own optimum, in the order of their
+//! percentiles.
 //!
 //! Each pair of tooth numbers within a tolerance of the gear ratio, with each combination of the listed modules, face
-//! widths, helix angles and racks, is a size. A direct search
-//! finds the best design of a size (see [`direct`]), and the best sizes get verification samples.
+//! widths, helix angles and racks, is a size. A direct search finds the best design of a size (see [`direct`]), and the
+//! best sizes get verification samples.
 
 use std::path::Path;
 
@@ -93,7 +94,8 @@ pub fn run(sizes: Vec<Size>, top: usize) -> anyhow::Result<Vec<Sized>> {
     for (one, verified) in all.iter_mut().zip(verified?) {
         one.verified = verified;
     }
-    // A search judges by the samples that it chose by; among the best, verification samples decide.
+    // A search judges a design by the samples by which it chose the design. Among the best, verification samples
+    // decide.
     let first = top.min(all.len());
     let judged = |one: &Sized| one.verified.map_or(f64::INFINITY, |measure| measure.value);
     all[..first].sort_by(|a, b| judged(a).total_cmp(&judged(b)));
@@ -252,7 +254,8 @@ fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {
     table
 }
 
-/// The best size for each number of pinion teeth, a line for each module; of all other dimensions the best count.
+/// The best size for each number of pinion teeth, as a line for each module. Other dimensions are those of the best
+/// size.
 fn lines(all: &[Sized]) -> Vec<PercentileSeries> {
     let mut modules: Vec<Option<f64>> = all
         .iter()

@@ -105,7 +105,7 @@ pub fn members(
         .collect()
 }
 
-/// The finished campaigns of the folder `out` with other numbers of teeth, which belong into the same tables.
+/// The finished campaigns of the folder `out` with other numbers of teeth, which belong in the same tables.
 ///
 /// # Errors
 ///

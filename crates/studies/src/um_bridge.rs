@@ -1,11 +1,11 @@
 //! The gear model of a campaign as a UM-Bridge model, for other programs of uncertainty quantification.
 //!
-//! L. Seelinger, V. Cheng-Seelinger, A. Davis, M. Parno, A. Reinarz, "UM-Bridge: Uncertainty quantification and modeling
-//! bridge", Journal of Open Source Software 8 (2023) 4748; protocol version 1.0.
+//! L. Seelinger, V. Cheng-Seelinger, A. Davis, M. Parno, A. Reinarz, "UM-Bridge: Uncertainty quantification and
+//! modeling bridge", Journal of Open Source Software 8 (2023) 4748; protocol version 1.0.
 //!
-//! The model takes two lists: the variables of a design in the campaign's units, and the standard normal coefficients of
-//! its random wear and deviations of manufacture. It gives two lists: the sampled responses, and the deterministic ones.
-//! Coefficients of zero are Archard's wear.
+//! The model takes two lists: the variables of a design in the campaign's units, and the standard normal coefficients
+//! of its random wear and deviations of manufacture. It gives two lists: the sampled responses, and the deterministic
+//! ones. Coefficients of zero are Archard's wear.
 
 use problem::formulation::{Design, Problem};
 use problem::simulator::{NoAnswer, Simulator as _, State};

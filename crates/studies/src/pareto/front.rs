@@ -1,4 +1,4 @@
-//! The designs that are compared, and the front of those that no other is better than.
+//! The compared designs, and the front of the non-dominated ones.
 
 use anyhow::Context as _;
 use problem::formulation::Problem;

@@ -1,10 +1,11 @@
-//! The inputs of a sensitivity analysis: what deviates, by how much, and the pair that follows.
+//! The inputs of a sensitivity analysis: the deviating quantities, their deviations, and the resulting pair.
 //!
 //! - The profile shifts, the tool heights and all free variables deviate. A variable that is tied to another one, or
 //!   that follows from module and centre distance, moves with the others.
 //! - Tools keep their module, so the module stays as designed. The centre distance without backlash follows, unless the
 //!   campaign gives it, too: the mate's profile shift then follows.
-//! - The parameters of the wear field, the tolerances of manufacture that the campaign has, and the torque have factors.
+//! - The parameters of the wear field, the tolerances of manufacture that the campaign has, and the torque have
+//!   factors.
 
 use std::ops::Range;
 
@@ -58,7 +59,7 @@ pub struct Tolerances {
 pub struct Input {
     /// The column of a variable, and words for all others.
     pub name: String,
-    /// The largest deviation, in the unit; `None` for what is drawn at random.
+    /// The largest deviation, in the unit; `None` for an input that is drawn at random.
     pub deviation: Option<f64>,
     /// The unit; empty for a share.
     pub unit: &'static str,

@@ -13,7 +13,8 @@ use super::{Indices, Input, Scenario};
 use crate::finished::FeasibleOptimum;
 use crate::table::{Document, PageTable, percentile_cells, with_interval};
 
-/// Writes `scenarios.csv`, `indices.csv`, `sensitivity.md` and a chart for each output into `out`; returns what it wrote.
+/// Writes `scenarios.csv`, `indices.csv`, `sensitivity.md` and a chart for each output into `out`; returns what it
+/// wrote.
 ///
 /// # Errors
 ///

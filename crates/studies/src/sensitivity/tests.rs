@@ -100,7 +100,7 @@ fn indices_are_reproducible_and_shares_of_one() {
     );
 }
 
-/// Slope deviations move what is sampled, and are named with the field that they are drawn with.
+/// Slope deviations change the sampled response, and are named together with the field that they are drawn with.
 #[test]
 fn slope_deviations_are_part_of_the_random_input() {
     let (perfect, optimum) = figure_9();
@@ -127,7 +127,8 @@ fn slope_deviations_are_part_of_the_random_input() {
     assert!(with > 1.2 * total(&perfect, "wear field"), "{with}");
 }
 
-/// The shipped pair: its mate's profile shift follows, its reliefs are free, and flanks, reliefs and load cases scatter.
+/// The shipped pair: its mate's profile shift follows, its reliefs are free, and flanks, reliefs and load cases
+/// scatter.
 #[test]
 fn every_free_variable_scatter_and_torque_is_an_input() {
     let mut campaign = Campaign::parse("pair.toml", &Campaign::pair_named("pair")).unwrap();

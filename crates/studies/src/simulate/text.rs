@@ -23,8 +23,8 @@ pub fn describe(simulation: &Simulation) -> String {
     text + "\n" + &verdict(&simulation.constraints)
 }
 
-/// The figures that are not in the data sheet, with their names and units, in the order in which they are shown; `wear` is
-/// that of the analysis.
+/// The figures that are not in the data sheet, with their names and units, in the order in which they are shown; `wear`
+/// is that of the analysis.
 pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)> {
     let mut rows = Vec::new();
     let [pressure, delta_ste] = match wear {

@@ -1,8 +1,8 @@
 //! A pair in REXS, the exchange format of gear programs (FVA 889, <https://www.rexs.info>), version 1.5.
 //!
 //! Components, attributes, units and relations are those of `rexs_schema_1.5.xml` and `rexs-file.xsd` in the repository
-//! `fva-net/rexs-api-java`. Attributes that REXS does not have begin with `custom_`, as other programs' do. Wear, strength
-//! factors and constraints have no place in REXS. Of the load only its own torque is written, not its cases.
+//! `fva-net/rexs-api-java`. Attributes that REXS does not have begin with `custom_`, as other programs' do. Wear,
+//! strength factors and constraints have no place in REXS. Only the load's own torque is written, not its cases.
 
 use std::fmt::{Display, Write as _};
 
@@ -84,7 +84,8 @@ fn escaped(text: &str) -> String {
     pairs.into_iter().fold(text.to_owned(), escape)
 }
 
-/// The pair of a file as XML, with its torque as a load case. The file has no date, so that equal pairs give equal files.
+/// The pair of a file as XML, with its torque as a load case. The file has no date, so that equal pairs give equal
+/// files.
 #[must_use]
 pub(super) fn write(
     title: &str,
@@ -99,7 +100,7 @@ pub(super) fn write(
         escaped(program_version)
     );
     for (number, (kind, members)) in model.relations.iter().enumerate() {
-        // A flank has one step alone.
+        // A flank has only one step.
         let order = if *kind == "manufacturing_step" {
             " order=\"1\""
         } else {
@@ -131,7 +132,8 @@ pub(super) fn write(
     xml + "</load_case>\n</load_spectrum>\n</model>\n"
 }
 
-/// The components and relations of a pair, and the number of the pinion's data in the stage, which have the torque.
+/// The components and relations of a pair, and the number of the pinion's data in the stage, to which the torque
+/// belongs.
 fn model(title: &str, file: &PairFile, pair: &UnloadedPair) -> (Model, usize) {
     let (g, sheet) = (pair.geometry(), Sheet::new(pair));
     let mut model = Model::default();
@@ -338,8 +340,8 @@ fn flanks(
     model.relate("flank", &[("gear", gear), ("left", left), ("right", right)]);
 }
 
-/// Adds the modifications of a gear's flanks and returns their numbers. Those that the simulator knows of both gears
-/// together are the pinion's.
+/// Adds the modifications of a gear's flanks and returns their numbers. Modifications that the simulator has for both
+/// gears together are the pinion's.
 fn modifications(
     model: &mut Model,
     name: &str,

@@ -29,7 +29,8 @@ fn vertices(dxf: &str) -> Vec<[f64; 2]> {
     found
 }
 
-/// The area lies between those of the root and the tip circle, and is z times that of a tooth with its part of the body.
+/// The area lies between those of the root and the tip circle, and is z times that of a tooth with its part of the
+/// body.
 #[test]
 fn a_drawing_is_closed_and_has_the_gear_s_circles_and_area() {
     let pair = relieved();
@@ -57,7 +58,8 @@ fn a_drawing_is_closed_and_has_the_gear_s_circles_and_area() {
             radii().fold(0.0, f64::max),
         );
         assert!((least - g.r_f[i]).abs() < 1e-6 && (most - g.r_a[i]).abs() < 1e-6);
-        // Thickness at the reference circle, over the pitch there, and the share of the annulus that is filled are near.
+        // Thickness at the reference circle, over the pitch there, and the share of the annulus that is filled are
+        // near.
         let filled = (area - root) / (tip - root);
         assert!((0.4..0.6).contains(&filled), "{filled}");
     }

@@ -41,7 +41,7 @@ pub(super) struct Pair {
     pub(super) corrections: Corrections,
 }
 
-/// Sizes that a pair file needs only where they are not those that follow from the others, mm.
+/// Sizes that a pair file states only if they do not follow from the others, mm.
 #[derive(Default)]
 pub(super) struct Sizes {
     distance: Option<f64>,

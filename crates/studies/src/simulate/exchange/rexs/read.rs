@@ -1,7 +1,7 @@
 //! A pair file from a cylindrical stage in REXS.
 //!
-//! One stage of two external gears is read. What REXS does not hold, or the file leaves out, gets a default, which a note
-//! states. The pair file is made as text and validated as a file is, so that errors name its keys.
+//! One stage of two external gears is read. Values that REXS does not hold, or that the file leaves out, get defaults,
+//! which notes state. The pair file is made as text and validated as a file is, so that errors name its keys.
 
 use anyhow::{Context as _, bail, ensure};
 use gear::Rack;
@@ -26,12 +26,12 @@ pub struct Imported {
 /// Default of σ_Hlim, MPa: case-hardened steel by ISO 6336-5, quality MQ.
 const CONTACT_LIMIT_MPA: f64 = 1500.0;
 
-/// The pair file of the stage in `text`; `file` names it in errors. `torque_nm` is the torque on the pinion, N·m, instead
-/// of the file's.
+/// The pair file of the stage in `text`; `file` names it in errors. `torque_nm` is the torque on the pinion, N·m,
+/// instead of the file's.
 ///
 /// # Errors
 ///
-/// The text is not REXS, has another number or kind of stages, lacks a value without a default, or is no valid pair.
+/// The text is not REXS, has another number or kind of stages, lacks a value without a default, or is not a valid pair.
 pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<Imported> {
     let document = Document::parse(text).with_context(|| format!("{file} is not XML"))?;
     let root = document.root_element();
@@ -427,7 +427,7 @@ impl<'a> Stage<'a> {
         for (key, value, default, what) in values {
             match (value, grade) {
                 (Some(value), _) => line(&mut section, key, &value),
-                // The name gives it.
+                // The name of the material's grade gives the value.
                 (None, Some(_)) => {}
                 (None, None) => {
                     notes.push(format!("The material lacks {key}: {default} {what}."));

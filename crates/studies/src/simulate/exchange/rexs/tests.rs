@@ -9,7 +9,7 @@ use crate::simulate::tests::PAIR;
 const ATTRIBUTES: &str = include_str!("schema_1.5.csv");
 const RELATIONS: &str = include_str!("relations_1.5.csv");
 
-/// A helical pair with all that the format has a place for.
+/// A helical pair with everything that the format can hold.
 fn text() -> String {
     let changes = [
         ("helix_angle_deg = 0.0", "helix_angle_deg = 15.0"),
@@ -39,7 +39,8 @@ fn named<'a, 'input>(node: Node<'a, 'input>, name: &'a str) -> Vec<Node<'a, 'inp
         .collect()
 }
 
-/// Every component, attribute, unit and combination in a relation is one of REXS 1.5, and every reference has a component.
+/// Every component, attribute, unit and combination in a relation is one of REXS 1.5, and every reference has a
+/// component.
 #[test]
 fn a_written_pair_keeps_the_schema() {
     let (_, _, xml) = written();
@@ -146,7 +147,8 @@ fn a_written_pair_has_the_file_s_values() {
     assert!(xml.contains("name=\"A &amp; B &lt;1&gt;\""));
 }
 
-/// All that REXS holds comes back. Strength factors, wear, limits, load cases and names of racks are not in it.
+/// Everything that REXS holds is read back. It does not hold strength factors, wear, limits, load cases and names of
+/// racks.
 #[test]
 fn a_written_pair_is_imported_as_it_was() {
     let (file, _, xml) = written();
