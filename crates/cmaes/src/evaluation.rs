@@ -67,6 +67,11 @@ impl Evaluation {
         }
     }
 
+    /// Magnitude of the quantity that ranks the evaluation, 0 of a failed one.
+    pub(crate) fn magnitude(&self) -> f64 {
+        self.key().1.abs()
+    }
+
     /// The class (feasible, infeasible, failed) and the number that ranks within it.
     fn key(&self) -> (u8, f64) {
         if !self.is_usable() {

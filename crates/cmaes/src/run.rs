@@ -31,8 +31,12 @@ pub enum Restarts {
 pub struct RunOptions {
     /// Settings of the first search.
     pub search: Options,
-    /// Budget of the run, restarts included; all of it is used.
+    /// Budget of the run, restarts included.
     pub evaluations: usize,
+    /// Change of the best value, relative to it, that is not worth more evaluations. With [`Restarts::FromBest`] a search
+    /// also stops when the values of its window differ by less, and the run ends when a restart has gained less.
+    /// 0: all of the budget is used.
+    pub tolerance: f64,
     /// The restarts after a search has stopped.
     pub restarts: Restarts,
     /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts in any case, at the end
@@ -81,7 +85,7 @@ pub struct Outcome {
     pub value: f64,
     /// Constraint violation of the best design, 0 or less if it is feasible.
     pub violation: f64,
-    /// Evaluations spent, which is always the whole budget.
+    /// Evaluations spent.
     pub evaluations: usize,
     /// Every improvement: the number of the evaluation, from 1, and its result. The last entry is
     /// the outcome.
@@ -90,7 +94,8 @@ pub struct Outcome {
     pub restarts: Vec<Restart>,
 }
 
-/// A run in progress, with an ask-and-tell interface. It ends when its budget is spent.
+/// A run in progress, with an ask-and-tell interface. It ends when its budget is spent, or when a restart gained less
+/// than [`RunOptions::tolerance`].
 #[derive(Debug, Clone)]
 pub struct Run {
     options: RunOptions,
@@ -104,6 +109,8 @@ pub struct Run {
     restarts: Vec<Restart>,
     /// Whether the restart of [`RunOptions::restart_at`] is still to come.
     planned: bool,
+    /// Whether a restart gained less than [`RunOptions::tolerance`].
+    is_settled: bool,
     regimes: Regimes,
 }
 
@@ -147,6 +154,7 @@ impl Run {
             history: Vec::new(),
             restarts: Vec::new(),
             planned,
+            is_settled: false,
             regimes: Regimes {
                 begun_at: 0,
                 large: options.search.population,
@@ -213,10 +221,14 @@ impl Run {
         let cause = match self.search.stop() {
             _ if due => Some(Cause::Planned),
             _ if used_up => Some(Cause::Share),
-            stop => stop.map(Cause::Stopped),
+            stop => stop.or_else(|| self.flat()).map(Cause::Stopped),
         };
         if let Some(cause) = cause {
             self.planned &= !due;
+            self.is_settled = matches!(cause, Cause::Stopped(_)) && self.has_gained_nothing();
+            if self.is_settled {
+                return Ok(());
+            }
             self.restarts.push(Restart {
                 evaluations: self.evaluations,
                 cause,
@@ -225,6 +237,28 @@ impl Run {
             self.restart(rng)?;
         }
         Ok(())
+    }
+
+    /// The reason to stop a search whose values differ by less than the tolerance.
+    fn flat(&self) -> Option<Stop> {
+        let spread = self.search.spread()?;
+        (spread < self.tolerated()).then_some(Stop::ValueTolerance { spread })
+    }
+
+    /// Whether the last restart improved the best value by less than the tolerance.
+    fn has_gained_nothing(&self) -> bool {
+        let before = self.restarts.last().and_then(|restart| restart.best);
+        let best = self.best.as_ref();
+        best.zip(before)
+            .is_some_and(|((_, best), before)| best.gap(&before) < self.tolerated())
+    }
+
+    /// The tolerance in the unit of the best value; 0 unless searches restart from the best design.
+    fn tolerated(&self) -> f64 {
+        match (&self.best, self.options.restarts) {
+            (Some((_, best)), Restarts::FromBest) => self.options.tolerance * best.magnitude(),
+            _ => 0.0,
+        }
     }
 
     fn restart<R: Rng + ?Sized>(&mut self, rng: &mut R) -> Result<(), Error> {
@@ -286,10 +320,10 @@ impl Run {
         }
     }
 
-    /// Whether the budget is spent.
+    /// Whether the budget is spent, or a restart gained less than [`RunOptions::tolerance`].
     #[must_use]
     pub fn is_finished(&self) -> bool {
-        self.evaluations >= self.options.evaluations
+        self.is_settled || self.evaluations >= self.options.evaluations
     }
 
     /// The number of generations told so far, those of all searches.
@@ -304,7 +338,7 @@ impl Run {
         self.evaluations
     }
 
-    /// The number of evaluations after which the run ends.
+    /// The number of evaluations after which the run ends at the latest.
     #[must_use]
     pub fn budget(&self) -> usize {
         self.options.evaluations

@@ -75,6 +75,8 @@ impl fmt::Display for Stop {
 pub(crate) struct Window {
     bests: VecDeque<Evaluation>,
     length: usize,
+    /// Largest minus smallest value of a full window and the last generation.
+    spread: Option<f64>,
 }
 
 impl Window {
@@ -84,7 +86,14 @@ impl Window {
         Self {
             bests: VecDeque::with_capacity(length),
             length,
+            spread: None,
         }
+    }
+
+    /// Largest minus smallest value of the window and the last generation; `None` until the window is full, or when
+    /// all of it failed.
+    pub(crate) fn spread(&self) -> Option<f64> {
+        self.spread
     }
 
     /// Records a generation (sorted, best first). Returns the reason to stop, if the window gives
@@ -95,6 +104,7 @@ impl Window {
             self.bests.pop_front();
         }
         self.bests.push_back(*first);
+        self.spread = None;
         if self.bests.len() < self.length {
             return None;
         }
@@ -112,6 +122,7 @@ impl Window {
             .iter()
             .fold(last, |a, b| if a.is_better_than(b) { b } else { a });
         let spread = lowest.gap(highest);
+        self.spread = Some(spread);
         if spread == 0.0 {
             Some(Stop::Plateau { generations })
         } else if spread < tolerance {

@@ -171,6 +171,12 @@ impl CmaEs {
         self.stop
     }
 
+    /// Largest minus smallest value of the last generation and of the bests of the generations before it, as many as
+    /// [`Options::value_tolerance`] is for; `None` until there are so many, or when all of them failed.
+    pub(crate) fn spread(&self) -> Option<f64> {
+        self.window.spread()
+    }
+
     /// The mean of the sampling distribution, d coordinates in the caller's units.
     #[must_use]
     pub fn mean(&self) -> Vec<f64> {

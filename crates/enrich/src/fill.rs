@@ -79,6 +79,7 @@ where
     let run = cmaes::RunOptions {
         search: cmaes::Options::new(context.options.bounds.clone()),
         evaluations: context.options.search_evaluations,
+        tolerance: 0.0,
         restarts: cmaes::Restarts::FromBest,
         restart_at: None,
     };

@@ -30,6 +30,7 @@ fn successes(cells: usize, first: bool, has_margin: bool) -> usize {
         let run = RunOptions {
             search,
             evaluations: 4000,
+            tolerance: 0.0,
             restarts: Restarts::Ipop,
             restart_at: None,
         };

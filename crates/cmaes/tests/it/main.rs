@@ -28,6 +28,7 @@ fn planned(bounds: Bounds, evaluations: usize, planned: usize) -> RunOptions {
     RunOptions {
         search: options(bounds),
         evaluations,
+        tolerance: 0.0,
         restarts: Restarts::FromBest,
         restart_at: Some(planned),
     }

@@ -17,6 +17,7 @@ fn ipop_doubles_and_bipop_alternates() {
             RunOptions {
                 search: options(cube(-5.0, 5.0, 6)),
                 evaluations: 40_000,
+                tolerance: 0.0,
                 restarts,
                 restart_at: None,
             },
@@ -54,6 +55,7 @@ fn a_small_search_of_bipop_has_at_most_half_of_the_last_large_one() {
     let run_options = RunOptions {
         search: options(cube(-5.0, 5.0, 2)),
         evaluations: 20_000,
+        tolerance: 0.0,
         restarts: Restarts::Bipop,
         restart_at: None,
     };

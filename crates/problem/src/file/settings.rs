@@ -61,6 +61,9 @@ impl TableRows {
     }
 }
 
+/// Relative change of the criterion below which a run gains nothing more: far below the error of any percentile.
+const TOLERANCE: f64 = 1e-6;
+
 /// `[optimise]`: the settings of CMA-ES.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -98,6 +101,7 @@ impl Optimise {
                 ..cmaes::Options::new(bounds)
             },
             evaluations: self.evaluations as usize,
+            tolerance: TOLERANCE,
             restarts: self.restarts,
             restart_at: self.restart_at.map(|at| at as usize),
         }

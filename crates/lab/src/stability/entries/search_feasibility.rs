@@ -238,6 +238,7 @@ fn failures(outcome: &mut Outcome) -> Result<(), EntryError> {
     let options = RunOptions {
         search: ten_candidates(Bounds::unit(2)?),
         evaluations: 12_000,
+        tolerance: 0.0,
         restarts: FROM_BEST,
         restart_at: Some(6000),
     };

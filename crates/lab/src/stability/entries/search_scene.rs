@@ -23,6 +23,7 @@ pub(super) fn run<E: Into<Evaluation>>(
     let options = RunOptions {
         search: Options::new(Bounds::unit(d)?),
         evaluations,
+        tolerance: 0.0,
         restarts,
         restart_at: None,
     };
