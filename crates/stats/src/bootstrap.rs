@@ -32,8 +32,8 @@ const NEGLIGIBLE: f64 = 1e-20;
 ///
 /// # Errors
 ///
-/// [`Error::TooFewSamples`] below two samples, [`Error::NonFinite`] for a sample, [`Error::OutOfRange`]
-/// for another number of weights than samples or a weight that is not finite, [`Error::Overflow`].
+/// [`Error::TooFewSamples`] below two samples, [`Error::NonFinite`] for a sample, [`Error::OutOfRange`] unless there is
+/// one finite weight per sample, [`Error::Overflow`].
 pub fn exact_bootstrap_variance(samples: &[f64], weights: &[f64]) -> Result<f64, Error> {
     let n = samples.len();
     if n < 2 {

@@ -40,9 +40,9 @@ pub struct Choice {
     pub p_value: Option<f64>,
 }
 
-/// Estimates the measure of one design: [that of a normal response](Measure::of_normal), or
-/// [without a distribution](Measure::distribution_free) when normality is rejected. Fewer than
-/// [`Measure::free_min_samples`] samples are always taken for normal, because they do not reach the tail.
+/// Estimates the measure of one design for a [normal response](Measure::of_normal), or
+/// [without a distribution](Measure::distribution_free) if normality is rejected. Fewer than
+/// [`Measure::free_min_samples`] samples are always treated as normal, because they do not reach the tail.
 ///
 /// Normality of normal samples is rejected with the probability `significance`.
 ///

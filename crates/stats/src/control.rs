@@ -65,8 +65,8 @@ pub struct ControlledPercentile {
 ///
 /// # Errors
 ///
-/// [`Error::TooFewSamples`] below [`CONTROL_MIN_SAMPLES`], [`Error::OutOfRange`] for another number of
-/// controls than samples, a `control` that is not finite or not spread, or a `z` that is not finite;
+/// [`Error::TooFewSamples`] below [`CONTROL_MIN_SAMPLES`], [`Error::OutOfRange`] unless there is one control per
+/// sample, for a `control` with a mean that is not finite or without spread, or for a `z` that is not finite;
 /// [`Error::Constant`] if all controls are equal, and the errors of [`mean_sd`].
 pub fn control_variate_p90(
     samples: &[f64],

@@ -23,7 +23,7 @@ impl Copula {
                 row.push((correlation(i, j) - known) / other[j]);
             }
             let rest = 1.0 - row.iter().map(|a| a * a).sum::<f64>();
-            // Below, rounding decides.
+            // Rounding decides the sign of a smaller remainder.
             if rest.is_nan() || rest <= 1e-12 {
                 return None;
             }
@@ -33,7 +33,7 @@ impl Copula {
         Some(Self(factor))
     }
 
-    /// The correlated scores of independent ones.
+    /// Returns the correlated scores L z of the independent scores z.
     #[must_use]
     pub fn correlated(&self, independent: &[f64]) -> Vec<f64> {
         let dot = |row: &Vec<f64>| row.iter().zip(independent).map(|(a, z)| a * z).sum();

@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-/// Why a statistic could not be computed. The text reads after "failed to …: ".
+/// The reason why a statistic could not be computed. The text reads after "failed to …: ".
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -1,7 +1,7 @@
 //! First-order Sobol' indices from given samples, without further evaluations.
 //!
 //! The samples are sorted by one input and cut into classes of equal size. The index is the share of the output's
-//! variance that lies between the classes, without what chance puts there (Kelley's ε²).
+//! variance between the classes, less the share expected by chance (Kelley's ε²).
 //!
 //! Reference: E. Plischke, E. Borgonovo, C. L. Smith, "Global sensitivity measures from given data", Eur. J. Oper. Res.
 //! 226 (2013) 536–550.
@@ -9,7 +9,7 @@
 /// The fewest samples of [`main_effect`].
 pub const MAIN_EFFECT_MIN_SAMPLES: usize = 100;
 
-/// Number of samples in a class, if there are not too many samples.
+/// Samples in a class, for up to 1200 samples; more samples are cut into a hundred larger classes.
 const CLASS: usize = 12;
 
 /// The share of the variance of `output` that `input` explains by itself, from 0 to 1: the first-order Sobol' index,

@@ -52,7 +52,7 @@ impl Family {
         }
     }
 
-    /// What the parameters must satisfy.
+    /// The conditions on the parameters, in words.
     #[must_use]
     pub const fn needs(self) -> &'static str {
         match self {
@@ -104,8 +104,8 @@ enum Distribution<'a> {
 }
 
 impl<'a> Marginal<'a> {
-    /// The distribution with these parameters, in the order of [`Family::parameters`], or of these sorted `values`; `None` if
-    /// they make no distribution. A standard deviation may be zero.
+    /// The distribution with these parameters, in the order of [`Family::parameters`], or with these sorted `values`;
+    /// `None` for invalid parameters. A standard deviation may be zero.
     #[must_use]
     pub fn new(family: Family, parameters: &[f64], values: &'a [f64]) -> Option<Self> {
         if !parameters.iter().all(|parameter| parameter.is_finite()) {

@@ -1,4 +1,4 @@
-//! Measures of a random response: what is optimised or limited, with its estimates and its interval.
+//! Measures of a random response, which are optimised or limited, with their estimates and intervals.
 //!
 //! All measures but percentile and probability are written as the mean of **scores**, one for each sample, which is
 //! the estimate and gives its standard error at once. With the mean m, the standard deviation s and the percentile
@@ -32,7 +32,7 @@ use crate::order::{
 use crate::quantile::{HarrellDavisVariance, harrell_davis, harrell_davis_min_samples};
 use crate::{Error, Estimate, IntervalEstimate, Method, Percentile};
 
-/// One number that says how good a random response is.
+/// A number that characterises a random response, to be optimised or limited.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Measure {
     /// The value that a share `level` of the samples stay below.
@@ -51,7 +51,7 @@ pub enum Measure {
     TailMean {
         /// Strictly between 0 and 1.
         level: f64,
-        /// Whether the tail is that below the percentile.
+        /// Whether the tail lies below the percentile.
         is_lower: bool,
     },
     /// The probability that the response exceeds `limit`.
@@ -91,8 +91,8 @@ impl Measure {
         }
     }
 
-    /// The fewest samples with which [`verified`](Self::verified) has an interval. Of a tail's mean they leave ten
-    /// samples in the tail.
+    /// The fewest samples with which [`verified`](Self::verified) has an interval. For the mean of a tail they leave
+    /// ten samples in the tail.
     #[must_use]
     pub fn interval_min_samples(&self, confidence: f64) -> usize {
         match *self {
@@ -122,8 +122,9 @@ impl Measure {
             Self::Exceedance { limit } => {
                 let z = (mean - limit) / sd;
                 let standard = Normal::standard();
-                // The variance of z is (1 + z²/2)/n to first order. n samples resolve no less than half of one: far from
-                // the limit the normal tail is an assumption, and its variance would vanish.
+                // The variance of z is (1 + z²/2)/n to first order. It would vanish far from the limit, where the
+                // normal tail is an assumption. The standard error is therefore at least 1/(2(n + 1)), half of one
+                // sample.
                 let slope = standard.pdf(z);
                 let least = 0.5 / (n as f64 + 1.0);
                 let variance = slope * slope * (1.0 + 0.5 * z * z) / n as f64;
@@ -184,12 +185,12 @@ impl Measure {
         })
     }
 
-    /// The measure of many samples with an interval that assumes no distribution. Samples may be infinite: percentile
-    /// and probability take them by their order, all other measures are infinite then, without an interval.
+    /// The measure of many samples with an interval that assumes no distribution. Samples may be infinite: percentiles
+    /// and probabilities depend on their order only; all other measures are then infinite and have no interval.
     ///
     /// # Errors
     ///
-    /// [`Error::TooFewSamples`] without samples (below two of a mean), [`Error::NonFinite`] for one that is not a
+    /// [`Error::TooFewSamples`] without samples (for a mean, below two), [`Error::NonFinite`] for one that is not a
     /// number, [`Error::OutOfRange`] unless level and confidence lie strictly between 0 and 1, [`Error::Overflow`].
     pub fn verified(&self, samples: &[f64], confidence: f64) -> Result<IntervalEstimate, Error> {
         let n = samples.len();

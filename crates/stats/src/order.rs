@@ -4,10 +4,10 @@
 //!
 //! - The percentile is definition 8 of Hyndman and Fan: X at the rank (n + 1/3) p + 1/3, interpolated
 //!   linearly. Its median is nearly the true percentile for every distribution.
-//! - A limit of the interval lies between two order statistics. The number of samples below the true
-//!   percentile is binomial (n, p), so X₍ᵣ₎ exceeds it with the probability P(B ≤ r − 1), exactly. Between
-//!   X₍ᵣ₎ and X₍ᵣ₊₁₎ the limit is interpolated as by Nyblom, so that each tail has half of the probability that
-//!   the interval misses, not less. Where no order statistic lies far enough out there is no interval.
+//! - A limit of the interval lies between two order statistics. The number of samples below the true percentile is
+//!   binomial (n, p), so X₍ᵣ₎ exceeds it with the probability P(B ≤ r − 1), exactly. The limit is interpolated between
+//!   X₍ᵣ₎ and X₍ᵣ₊₁₎ by Nyblom's method, so that each tail has half of the probability of a miss, not less. There is no
+//!   interval if no order statistic lies far enough out.
 //! - Two percentiles of samples that share their random numbers are compared by the method of variance
 //!   estimates recovery (MOVER) of Zou and Donner, which combines the two intervals. The correlation of the
 //!   two estimates comes from the samples that lie below both percentiles.
@@ -61,9 +61,9 @@ pub fn order_statistic(
     })
 }
 
-/// The fewest samples with which [`order_statistic`] has an interval: the smallest sample must lie below
-/// the percentile, and the largest above it, with half of the probability 1 − `confidence` of a miss each. 36
-/// for 90 % at a confidence of 95 %.
+/// The fewest samples with which [`order_statistic`] has an interval: the probability that no sample lies below the
+/// percentile, and that none lies above it, must each be at most (1 − `confidence`)/2. 36 for 90 % at a confidence of
+/// 95 %.
 #[must_use]
 pub fn order_interval_min_samples(level: f64, confidence: f64) -> usize {
     let outer = level.max(1.0 - level);

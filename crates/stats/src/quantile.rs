@@ -25,10 +25,10 @@ pub fn harrell_davis_min_samples(level: f64) -> usize {
 /// The estimator of a measure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Method {
-    /// That of a normal response: [`Measure::of_normal`](crate::Measure::of_normal).
+    /// Assumes a normal response: [`Measure::of_normal`](crate::Measure::of_normal).
     Normal,
-    /// All order statistics, or the scores of a measure that is no percentile:
-    /// [`Measure::distribution_free`](crate::Measure::distribution_free).
+    /// Assumes no distribution: [`Measure::distribution_free`](crate::Measure::distribution_free) weights all order
+    /// statistics for a percentile, and averages the scores of any other measure.
     DistributionFree,
 }
 
@@ -98,7 +98,7 @@ fn jackknife(sorted: &[f64], level: f64) -> f64 {
     let n = sorted.len();
     let fewer = harrell_davis_weights(n - 1, level);
     let above_base = |i: usize| sorted[i] - sorted[0];
-    // Without the i-th, those before it keep their ranks and those after it lose one.
+    // Without the i-th sample, those before it keep their ranks and those after it lose one.
     let mut left_out = vec![0.0; n];
     let (mut before, mut after) = (0.0, 0.0);
     for i in 1..n {

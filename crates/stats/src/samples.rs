@@ -55,7 +55,7 @@ impl Samples {
         &self.values
     }
 
-    /// Like [`values`](Self::values), but the list itself.
+    /// All values, row after row, as an owned list.
     #[must_use]
     pub fn into_values(self) -> Vec<f64> {
         self.values

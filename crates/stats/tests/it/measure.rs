@@ -55,7 +55,7 @@ fn measures_have_their_closed_forms() {
             let found = measure.verified(&samples(response, 400_000, 0), CONFIDENCE);
             let found = found.unwrap();
             let (low, high) = found.interval.unwrap();
-            // Twice the interval: twelve comparisons at once.
+            // The tolerance is twice the half-width, because twelve comparisons are made at once.
             let half = high - low;
             assert!((found.value - value).abs() < half, "{measure:?} {found:?}");
             assert!(half < 0.03, "{measure:?} {found:?}");
@@ -75,7 +75,7 @@ fn probabilities_have_the_interval_of_clopper_and_pearson() {
     assert_eq!(found.value, 0.15);
     let (low, high) = found.interval.unwrap();
     assert!((low - 0.0321).abs() < 1e-4 && (high - 0.3789).abs() < 1e-4);
-    // Of 0 in n the upper limit is 1 − 0.025^(1/n).
+    // The upper limit for 0 of n is 1 − 0.025^(1/n).
     let none = Measure::Exceedance { limit: 20.0 };
     let none = none.verified(&few, CONFIDENCE).unwrap();
     let (low, high) = none.interval.unwrap();
@@ -90,7 +90,7 @@ fn probabilities_have_the_interval_of_clopper_and_pearson() {
     assert_eq!((mean.value, mean.interval), (f64::INFINITY, None));
 }
 
-/// The estimate of few samples: its bias, its scatter beside the stated one, by either estimator.
+/// Compares the bias of estimates from few samples, and their scatter with the stated variance, for both estimators.
 #[test]
 fn estimates_of_thirty_samples_scatter_as_they_state() {
     let of_normal = |measure: Measure| NormalOptions {
@@ -124,8 +124,8 @@ fn estimates_of_thirty_samples_scatter_as_they_state() {
             let of = repetitions as f64;
             let scatter = squares / of - (sum / of).powi(2);
             let (bias, ratio) = (sum / of, stated / of / scatter);
-            // A tail of three samples: their mean is 0.08 too small, and its stated variance a fifth too large. The
-            // half sample of a probability is its bias.
+            // The estimate without a distribution has a tail of three samples: their mean is 0.08 too small, and its
+            // stated variance a fifth too large. Its probability is biased by the half sample that it adds.
             let is_free = significance == 1.0;
             let (biased, most) = match measure {
                 Measure::TailMean { .. } | Measure::Exceedance { .. } if is_free => (0.3, 1.3),
@@ -168,7 +168,7 @@ fn differences_use_the_common_random_numbers() {
         .unwrap()
         .unwrap();
     assert!(found.value > 0.0 && found.interval.unwrap().0 > 0.0);
-    // Too few, and a failed one.
+    // Too few samples, and a failed sample.
     let tail = CASES[2].0;
     assert_eq!(tail.difference(&first[..50], &second, CONFIDENCE), Ok(None));
     assert_eq!(

@@ -8,7 +8,7 @@ use stats::{Error, order_statistic, paired_difference};
 /// The confidence of all intervals here.
 const CONFIDENCE: f64 = 0.95;
 
-/// Definition 8 of Hyndman and Fan by hand: of 1 … 10 at 0.9 the rank is 31/3 · 0.9 + 1/3 = 9.6333.
+/// Definition 8 of Hyndman and Fan by hand: the rank of the level 0.9 in 1 … 10 is 31/3 · 0.9 + 1/3 = 9.6333.
 #[test]
 fn the_percentile_is_hyndman_and_fans_eighth_definition() {
     let samples: Vec<f64> = (1..=10).rev().map(f64::from).collect();

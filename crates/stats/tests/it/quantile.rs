@@ -108,8 +108,8 @@ fn one_order_statistic_has_the_same_bootstrap_variance_both_ways() {
             .collect();
         let mut weights = vec![0.0; n];
         weights[(9 * n).div_ceil(10) - 1] = 1.0;
-        // Resampling puts X₍ⱼ₎ in place r with the probability I(j/n) − I((j − 1)/n), I that of a beta
-        // distribution with the parameters r and n − r + 1.
+        // Resampling puts X₍ⱼ₎ in place r with the probability I(j/n) − I((j − 1)/n), where I is the distribution
+        // function of a beta distribution with the parameters r and n − r + 1.
         let (rank, count) = ((9 * n).div_ceil(10) as f64, n as f64);
         let below = |j: usize| beta_reg(rank, count - rank + 1.0, j as f64 / count);
         let mut sorted = sample.clone();

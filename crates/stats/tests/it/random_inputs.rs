@@ -4,8 +4,8 @@
 use stats::streams::{Purpose, stream};
 use stats::{Copula, Family, Marginal, main_effect, normal_quantile, normal_scores};
 
-/// A family with parameters, and its mean, standard deviation and 90 % quantile: in closed form, of the beta distribution by
-/// bisection.
+/// A family with parameters, and its mean, standard deviation and 90 % quantile, in closed form or, for the beta
+/// distribution, by bisection.
 const CASES: [(Family, &[f64], [f64; 3]); 8] = [
     (Family::Normal, &[10.0, 2.0], [10.0, 2.0, 12.563_103]),
     // exp(µ + 1.281552 s) with s² = ln 1.04 and µ = ln 10 − s²/2.
@@ -23,7 +23,7 @@ const CASES: [(Family, &[f64], [f64; 3]); 8] = [
         &[2.0, 3.0],
         [2.658_681, 1.389_749, 4.552_281],
     ),
-    // The mode and scale times −ln(−ln 0.9) more.
+    // The quantile is the mode plus the scale times −ln(−ln 0.9).
     (Family::Gumbel, &[10.0, 2.0], [10.0, 2.0, 12.609_102]),
     // 2 + 4/3, 4 √(2/63), 2 + 4 x with 1 − (1 − x)⁵ − 5 x (1 − x)⁴ = 0.9
     (
@@ -91,7 +91,7 @@ fn parameters_without_a_distribution_have_none() {
             "{family:?}"
         );
     }
-    // A tolerance of nothing.
+    // A standard deviation of zero, as of a tolerance of zero.
     let exact = Marginal::new(Family::Normal, &[3.0, 0.0], &[]).unwrap();
     assert_eq!(exact.quantile(2.0), 3.0);
 }
