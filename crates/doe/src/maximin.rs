@@ -11,8 +11,7 @@ use crate::{Design, Error};
 /// Budget per variable and point, in coordinates read: about 0.4 s of one core for 100 points in 6
 /// variables, 0.9 s for 500, 3.5 s for 3000 and 15 s for 20 000.
 const STEPS: f64 = 8.5e5;
-/// Points added to n in the budget: small designs have few swaps per point, but are hard all the
-/// same.
+/// Points added to n in the budget, because small designs are hard although they have few swaps per point.
 const EXTRA_POINTS: f64 = 320.0;
 /// Share of the budget after which the first ratchet ends.
 const RATCHET_UNTIL: f64 = 0.05;

@@ -151,8 +151,8 @@ fn tiny_designs_are_optimal() {
     }
 }
 
-/// Thresholds are what the project asks of the optimiser. For comparison: the best of a thousand
-/// random designs has about 0.30 and 0.14.
+/// The thresholds are the project's requirements. For comparison: the best of a thousand random designs has about 0.30
+/// and 0.14.
 #[test]
 fn points_are_far_apart_in_six_variables() {
     for (n, effort, threshold) in [(100, 1.0, 0.60), (500, 1.0, 0.41)] {
