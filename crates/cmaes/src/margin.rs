@@ -23,7 +23,7 @@ pub(crate) fn keep(
     let alpha = 1.0 / (population * mean.len()) as f64;
     for (i, &count) in cells.iter().enumerate() {
         let plain = deviations(i);
-        // A degenerate covariance, which ends the search.
+        // The covariance is degenerate, which ends the search.
         if count < 2 || !(plain > 0.0 && plain.is_finite()) {
             continue;
         }
@@ -59,7 +59,7 @@ fn between(alpha: f64, [low, high]: [f64; 2], m: f64, sd: f64) -> (f64, f64) {
         return (m, sd);
     }
     let (raised_below, raised_above) = (below.max(least), above.max(least));
-    // What the raised probabilities add is taken from all three in proportion to what exceeds the least.
+    // All three probabilities are reduced in proportion to their excess over the least, until they sum to 1.
     let sum = raised_below + raised_above + inside;
     let excess = (1.0 - sum) / (sum - 3.0 * least);
     let settled = |raised: f64| raised + excess * (raised - least);
@@ -110,7 +110,7 @@ mod tests {
                 ),
             }
         }
-        // A wide distribution is left alone.
+        // A wide distribution is not changed.
         let mut mean = DVector::from_vec(vec![0.41]);
         let mut stretch = DVector::from_element(1, 1.0);
         keep(&[5], 10, |_| 0.3, &mut mean, &mut stretch);

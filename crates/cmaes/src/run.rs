@@ -39,8 +39,8 @@ pub struct RunOptions {
     pub tolerance: f64,
     /// The restarts after a search has stopped.
     pub restarts: Restarts,
-    /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts in any case, at the end
-    /// of that generation, as the gear paper plans it. From the budget on there is no such restart.
+    /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts in any case, at the end of that
+    /// generation, as the gear paper plans it. There is no such restart if the number is not below the budget.
     pub restart_at: Option<usize>,
 }
 

@@ -14,7 +14,7 @@ fn rounded(u: f64, cells: usize) -> f64 {
 }
 
 /// The number of 51 searches of 4000 evaluations that come within 1e-4 of the least value of an ellipsoid with a
-/// condition number of 1e4, whose `first` half of the variables weighs most.
+/// condition number of 1e4. The continuous variables, the first half, weigh most if `first`, else the discrete ones.
 fn successes(cells: usize, first: bool, has_margin: bool) -> usize {
     let found = (0..51).filter(|&seed| {
         let mut rng = stream(seed, Purpose::Test, 0, 0);
@@ -49,8 +49,8 @@ fn successes(cells: usize, first: bool, has_margin: bool) -> usize {
     found.count()
 }
 
-/// Where the continuous variables weigh most, the distribution along the discrete ones becomes narrower than a cell
-/// before their best values are found. Without the margin 0 to 10 of 51 searches succeed.
+/// The distribution along the discrete variables becomes narrower than a cell before their best values are found, if
+/// the continuous variables weigh most. Without the margin 0 to 10 of 51 searches succeed.
 #[test]
 #[expect(
     clippy::print_stdout,
@@ -61,7 +61,7 @@ fn the_margin_keeps_discrete_variables_moving() {
         let [with, without] = [true, false].map(|has_margin| successes(cells, true, has_margin));
         println!("{cells} values, continuous variables first: {with} and {without} of 51");
         assert!(with >= 49 && without <= 25, "{cells}: {with} {without}");
-        // Elsewhere it costs nothing.
+        // The margin costs nothing when the discrete variables weigh most.
         let with = successes(cells, false, true);
         assert!(with >= 49, "{cells}: {with}");
     }
