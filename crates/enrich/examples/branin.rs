@@ -39,7 +39,7 @@ const BUDGET: u32 = 6000;
 const Z90: f64 = 1.281_551_565_544_600_4;
 /// The minimum at which the noise is least.
 const OPTIMUM: [f64; 2] = [PI, 2.275];
-/// The value of f there.
+/// The value of f at [`OPTIMUM`].
 const LEAST: f64 = 0.397_887_357_729_739;
 
 fn branin(x: &[f64]) -> f64 {
@@ -73,7 +73,7 @@ fn response(seed: u64, number: usize, x: &[f64], samples: u32) -> (f64, f64) {
 /// Whether the simulation of a design fails, in this share of the box.
 fn fails(share: f64, x: &[f64]) -> bool {
     let width = 6.0;
-    // As high as the box at 0.4.
+    // The height of the box at a share of 0.4.
     let height = share * 15.0 * 15.0 / width;
     x[0] > 10.0 - width && x[1] < height
 }

@@ -14,7 +14,7 @@ use crate::{Error, ExactCriteria};
 const NOTHING: f64 = 1e-9;
 /// Added to a lower quantile, so that it ranks behind every expected improvement.
 const LIFT: f64 = 1e9;
-/// Value in δ of a design that certainly keeps its limits, before one is known.
+/// Value, in units of δ, of a design that certainly keeps its limits, while no such design is known.
 const FIRST: f64 = 4.0;
 
 /// A new design and the value of observing it.
@@ -44,8 +44,8 @@ where
         let gain = if has_feasible || criteria.holds >= 1.0 {
             criteria.holds * criterion.new_design(x, criteria.baseline)
         } else {
-            // Until a design is known to keep its limits, finding one is all that counts. Of many limits the probability is
-            // tiny almost everywhere, so its order of magnitude leads the way.
+            // Finding a design that keeps its limits is all that counts until one is known. The probability of keeping
+            // many limits is tiny almost everywhere, so the value follows its order of magnitude.
             FIRST * options.delta_um / (1.0 - criteria.holds.log10())
         };
         context.probability(x) * gain

@@ -23,8 +23,8 @@ pub struct SampledDesign {
     pub baseline: f64,
 }
 
-/// What is known of a design without samples of it: the exact constraints, the baseline, and the probability that other
-/// constraints hold.
+/// The criteria of a design that are known without samples of it: the exact constraints, the baseline, and the
+/// probability that the other constraints hold.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExactCriteria {
     /// The violation of the exact constraints, in the caller's units; 0 or less is feasible.
@@ -78,7 +78,7 @@ pub struct State {
 #[derive(Debug, Clone)]
 pub(crate) struct Rows {
     pub(crate) sampled: Vec<SampledDesign>,
-    /// The index of each row in the state; of merged entries, that of the first.
+    /// The index of each row in the state; for merged entries, that of the first.
     pub(crate) index: Vec<usize>,
     pub(crate) failed: Vec<Vec<f64>>,
     /// The number of entries merged into others.

@@ -31,12 +31,13 @@ pub(crate) struct Surrogate {
 }
 
 impl Surrogate {
-    /// Fits a model on every scale that the `which` rows allow; the one that predicts left-out responses best comes first.
+    /// Fits a model on every scale that the `which` rows allow; the one that predicts left-out responses best comes
+    /// first.
     ///
     /// No scale serves every response. The logarithm of a response that spans decades is smooth, but that of a bowl
-    /// above a small value has a cusp at its foot. A baseline explains much of the response, but it may have kinks
-    /// that the response, a mean over random wear, does not have, and the difference has them upside down. Models on
-    /// different scales err in different places, so all of them choose infill points.
+    /// above a small value has a cusp at its foot. A baseline explains much of the response, but may have kinks that
+    /// the response, a mean over random wear, does not have; the difference has the same kinks with the opposite sign.
+    /// Models on different scales err in different places, so all of them choose infill points.
     pub(crate) fn fit(
         rows: &Rows,
         which: &[usize],
@@ -262,7 +263,7 @@ impl Surrogate {
         let squares: Vec<f64> = chosen
             .filter(|(row, _)| which.contains(row))
             .map(|(&row, r)| match self.scale {
-                // To first order.
+                // To first order, a residual of the logarithm is a relative residual of the response.
                 Scale::Logarithm => r * rows.sampled[row].response,
                 Scale::Plain | Scale::AboveBaseline => *r,
             })

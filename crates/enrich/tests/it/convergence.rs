@@ -3,8 +3,8 @@
 use super::{Problem, add, enrich, options, sampled, unit};
 use enrich::{Criterion, Infill, Options, Stop, decide};
 
-/// A bowl whose unconstrained minimum, 1 at (0.3, 0.3, 0.3), the constraint x₀ ≥ 0.5 forbids: the
-/// optimum, 1 + 4 · 0.2² = 1.16, lies on its boundary.
+/// A bowl with the minimum 1 at (0.3, 0.3, 0.3), which the constraint x₀ ≥ 0.5 excludes. The optimum, 1 + 4 · 0.2² =
+/// 1.16, lies on the boundary of the constraint.
 fn bowl() -> Problem {
     Problem {
         bounds: unit(3),
@@ -54,7 +54,7 @@ fn an_optimum_in_a_corner_is_recommended() {
     assert!(best.x.iter().all(|v| *v > 0.97), "{best:?}");
 }
 
-/// A feasible ball of 0.1 % of the box around (0.8, 0.2, 0.6), none of whose points is in the DoE.
+/// A feasible ball of 0.1 % of the box around (0.8, 0.2, 0.6), which contains no point of the DoE.
 #[test]
 fn a_feasible_region_of_a_thousandth_of_the_box_is_found() {
     let problem = Problem {
@@ -244,8 +244,8 @@ fn new_designs_lie_where_a_constraint_probably_holds() {
     }
 }
 
-/// Only a corner keeps the limits, and their probability is tiny elsewhere, while the response falls towards the other
-/// corner: the search in the whole box follows the probability.
+/// The limits hold in one corner only, and their probability is tiny elsewhere, while the response falls towards the
+/// other corner: the search in the whole box follows the probability.
 #[test]
 fn before_anything_is_feasible_a_tiny_probability_leads_the_way() {
     let problem = Problem {

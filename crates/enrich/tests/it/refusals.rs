@@ -1,4 +1,4 @@
-//! Input that no round takes.
+//! Input that a round rejects.
 
 use super::{Problem, options, sampled, unit};
 use enrich::{Error, Options, decide};
