@@ -2,9 +2,9 @@
 //!
 //! `cargo run --release -p kriging --example large -- [POINTS [exact|smooth]]` (100 000)
 //!
-//! The six-dimensional Hartmann function on 2…40 with noise of a standard deviation of 0.10 to 0.16 at
-//! random points, by [`kriging::fit_vecchia`] with its default options, or by [`kriging::fit()`] from all points; or, as
-//! `smooth`, sin 5a cos 3b without noise, from all. The error is the root mean square one of the mean against the truth at
+//! The six-dimensional Hartmann function on 2…40 with noise of a standard deviation of 0.10 to 0.16 at random points,
+//! by [`kriging::fit_vecchia`] with its default options, or by [`kriging::fit()`] from all points; or, as `smooth`, sin
+//! 5a cos 3b without noise, from all points. The error is the root mean square error of the mean against the truth at
 //! 2000 other points, and the coverage that of 90 % intervals of the truth there.
 
 #![expect(clippy::disallowed_methods, reason = "it measures time")]

@@ -35,10 +35,11 @@ use starts::Search;
 /// noise variances are taken as given. The result depends on the data and the options only, not on
 /// the order of the observations or the number of threads (rayon's).
 ///
-/// Progress: the events of [`tracing`] say it, from 3000 points on.
+/// Progress is reported by [`tracing`] events, from 3000 points on.
 ///
-/// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications, for n up to [`FitOptions::subset`].
-/// Beyond, the parameters are those of a random subset of this size, and the model of all points takes two factors more. Memory 3 n² numbers.
+/// Cost: a Cholesky factor and an inverse per iteration, about n³/2 multiplications, for n up to
+/// [`FitOptions::subset`]. For more points, the parameters are those of a random subset of this size, and the model of
+/// all points takes two more factorisations. Memory: 3 n² numbers.
 ///
 /// # Errors
 ///

@@ -222,7 +222,7 @@ impl<'a> Likelihood<'a> {
     }
 }
 
-/// Rounding errors of the elements of C, with those of its factorisation; in the value they were measured at 2000 points
+/// Relative rounding error of an element of C, its factorisation included, as measured in the value at 2000 points
 /// without noise.
 const ELEMENT_ERROR: f64 = 8.0 * f64::EPSILON;
 

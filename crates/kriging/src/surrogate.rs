@@ -146,7 +146,7 @@ impl Surrogate {
         self.in_units_of_y(of_model!(self, model => model.mean(x)))
     }
 
-    /// The gradient of [`Surrogate::mean`] at `x`; `None` of the approximate method, whose mean is not continuous.
+    /// The gradient of [`Surrogate::mean`] at `x`; `None` for the approximate method, whose mean is not continuous.
     ///
     /// # Panics
     ///

@@ -22,7 +22,7 @@
 //!   Statist. Soc. B 50 (1988) 297–312.
 //! - J. Guinness, "Permutation and grouping methods for sharpening Gaussian process
 //!   approximations", Technometrics 60 (2018) 415–429.
-//! - M. Katzfuss, J. Guinness, E. Lawrence, "ScaledData Vecchia approximation for fast computer-model
+//! - M. Katzfuss, J. Guinness, E. Lawrence, "Scaled Vecchia approximation for fast computer-model
 //!   emulation", SIAM/ASA J. Uncertainty Quantification 10 (2022) 537–554.
 
 mod conditional;

@@ -356,7 +356,7 @@ mod tests {
             let mut evaluations = 0;
             let rough = |at: &[f64], _: bool| {
                 evaluations += 1;
-                // Chaotic in the last digits of the place.
+                // A chaotic function of the last digits of the place.
                 let noise = (1e9 * at[0]).sin();
                 Some(Evaluation {
                     value: amplitude * at[0] * at[0] + scatter * noise,

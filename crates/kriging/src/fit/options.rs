@@ -18,8 +18,8 @@ pub struct FitOptions {
     pub seed: u64,
     /// Number of starts; at least one is taken.
     pub starts: usize,
-    /// The most points on which the likelihood is searched; at least two. More would hardly change the parameters: their
-    /// errors fall with the square root of the number, and the time grows with its cube.
+    /// The most points on which the likelihood is searched; at least two. More would hardly change the parameters:
+    /// their errors fall with the square root of the number, and the time grows with its cube.
     pub subset: usize,
     /// The most quasi-Newton iterations of one search.
     pub max_iterations: usize,

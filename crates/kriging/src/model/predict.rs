@@ -23,10 +23,10 @@ pub struct Prediction {
     pub variance: f64,
 }
 
-/// The noise-free function at one point, given the observations; two of them have a [covariance](Model::covariance).
+/// The noise-free function at one point, given the observations; [`Model::covariance`] relates two of them.
 #[derive(Debug, Clone)]
 pub struct Conditional {
-    /// What [`Model::predict`] says of the point.
+    /// The result of [`Model::predict`] at the point.
     pub prediction: Prediction,
     /// The point in the kernel's coordinates.
     at: Vec<f64>,

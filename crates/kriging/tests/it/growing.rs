@@ -99,7 +99,7 @@ fn points_that_cannot_be_added_are_refused() {
         model.with_points(&data),
         Err(Error::NonFinite { index: 2, .. })
     ));
-    // No points at all change nothing.
+    // Adding no points changes nothing.
     let none = Data {
         x: &[],
         d: 3,

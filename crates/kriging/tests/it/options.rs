@@ -61,8 +61,8 @@ fn a_hidden_nugget_is_found() {
     };
     let model = fit(&sample.data(), &options).unwrap();
     let without = fit(&sample.data(), &FitOptions::default()).unwrap();
-    // The standard error of a variance from 250 residuals of uniform noise is 0.06 √(0.8/250) =
-    // 0.0034; three of them, and a little for what the process takes.
+    // The standard error of a variance from 250 residuals of uniform noise is 0.06 √(0.8/250) = 0.0034; the tolerance
+    // is three of them, and a margin for the noise that the process explains.
     let nugget = model.parameters().nugget;
     assert!((nugget - 0.05).abs() < 0.012, "{nugget}");
     assert!(model.negative_log_likelihood() < without.negative_log_likelihood() - 10.0);
@@ -111,7 +111,7 @@ fn calibration_covers_what_maximum_likelihood_does_not() {
     assert!(model.calibration() != 1.0);
     assert_eq!(plain.mean(&[0.4, 0.4]), model.mean(&[0.4, 0.4]));
     let (before, after) = (coverage(&plain), coverage(&model));
-    // Binomial standard error of 1000 points 0.01, of the 150 residuals that calibrate 0.025.
+    // Binomial standard error: 0.01 for the 1000 points, 0.025 for the 150 residuals of the calibration.
     assert!((after - 0.9).abs() < 0.06, "{before} {after}");
     let calibrated = model.leave_one_out().coverage90;
     assert!((calibrated - 0.9).abs() < 0.02, "{calibrated}");

@@ -227,7 +227,7 @@ fn noise_has_no_structure_for_neighbours_either() {
     }
 }
 
-/// Noise that nobody knows is estimated, from replicates, too, and the intervals of new observations hold.
+/// Unknown noise is estimated, also from replicates, and the intervals of new observations have their coverage.
 #[test]
 fn a_nugget_is_estimated() {
     for copies in [1, 4] {

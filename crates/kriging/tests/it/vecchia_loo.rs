@@ -75,7 +75,7 @@ fn calibration_widens_the_intervals_of_a_ridge() {
         assert_eq!(plain.calibration(), 1.0);
         assert!(model.calibration() > 1.0);
         let after = coverage(&model);
-        // Binomial standard error 0.01, of the 150 residuals that calibrate 0.025.
+        // Binomial standard error: 0.01 for the points, 0.025 for the 150 residuals of the calibration.
         assert!((after - 0.9).abs() < 0.07, "{after} {}", coverage(&plain));
         assert!((model.leave_one_out().coverage90 - 0.9).abs() < 0.02);
         let again = Surrogate::from_json(&written(model.clone())).unwrap();

@@ -55,7 +55,7 @@ fn pure_noise() -> Sample {
 
 #[test]
 fn variances_at_their_bounds_are_reported() {
-    // Uniform numbers scatter less than the noise that is said to be in them.
+    // Uniform numbers scatter less than the noise variance stated for them.
     let mut sample = pure_noise();
     sample.noise.fill(1.0);
     let has = |model: &Model, wanted: &Warning| model.warnings().contains(wanted);
@@ -71,7 +71,7 @@ fn variances_at_their_bounds_are_reported() {
     let model = fit(&smooth.data(), &with_nugget).unwrap();
     let lower = Warning::NuggetAtBound { upper: false };
     assert!(has(&model, &lower), "{:?}", model.parameters());
-    // Ordinary data have neither.
+    // Ordinary data give no warning.
     let model = fit(&Sample::smooth(80, 2, 0.05).data(), &FitOptions::default()).unwrap();
     assert_eq!(model.warnings(), []);
 }
