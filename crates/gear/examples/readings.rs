@@ -1,5 +1,5 @@
-//! Agreement of readings of the paper with what it prints: the score of each law of wear with each
-//! tooth model and tip rule, over the design of experiments of the paper's campaign.
+//! Agreement of readings of the paper with its printed values: the score of each law of wear with each tooth model and
+//! tip rule, over the design of experiments of the paper's campaign.
 //!
 //! Run with `cargo run --release -p gear --example readings -- [designs] [seed]`; the defaults are
 //! 3000 and 2009. It prints Markdown, as `coordinator compare` does.

@@ -1,4 +1,4 @@
-//! How far a tooth model is from finite elements, and for which pairs that is known.
+//! The errors of the tooth models against finite elements, and the pairs for which they are known.
 
 use crate::input::ToothModel;
 
@@ -45,7 +45,7 @@ impl Range {
         Self { name, limits }
     }
 
-    /// Whether this value is in the range, but for rounding.
+    /// Whether this value is in the range, up to rounding.
     #[must_use]
     pub fn contains(&self, value: f64) -> bool {
         let [low, high] = self.limits;

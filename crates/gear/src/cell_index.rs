@@ -1,6 +1,6 @@
-//! The cells of a grid with uneven nodes: even bins lead close to the cell of a place.
+//! The look-up of the cell of an uneven grid that holds a place, through even bins.
 //!
-//! A new design looks up hundreds of places, and a binary search guesses wrong in every second of its steps.
+//! A new design looks up hundreds of places, and every second comparison of a binary search is a mispredicted branch.
 
 /// Bins per node.
 const DENSITY: usize = 2;

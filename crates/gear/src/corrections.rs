@@ -1,13 +1,12 @@
 //! Profile corrections: material taken off the flanks on purpose, so that teeth that bend under load
 //! meet and part gently.
 //!
-//! Corrections are part of the gap g that the contact closes. Tip relief depends on the place s on
-//! the path alone, so it costs nothing beyond the uncorrected pair. Crowning and helix slope depend on
-//! the place z along the face. Coupled cells have a gap each, so they cost nothing more. For slices a helix slope
-//! lowers the deflection of each line of a helical pair by another amount; with crowning the face integral is no
-//! longer one of s alone, prefix sums do not apply, and each phase is integrated piece by piece: a worn sample
-//! takes about seventeen times the time.
-//! Amounts are normal to the flank, as wear depths are.
+//! Corrections are part of the gap g that the contact closes. Tip relief depends on the place s on the path alone, so
+//! it costs nothing beyond the uncorrected pair. Crowning and helix slope depend on the place z along the face. Each
+//! coupled cell has its own gap, so they cost nothing more there. For slices, a helix slope lowers the deflection of
+//! each line of a helical pair by a different amount. With crowning the face integral is no longer one of s alone and
+//! prefix sums do not apply: each phase is integrated piece by piece, and a worn sample takes about seventeen times as
+//! long. Amounts are normal to the flank, as wear depths are.
 //!
 //! Left out: end relief, pressure-angle corrections, topographies.
 
@@ -55,7 +54,7 @@ impl TipRelief {
     }
 }
 
-/// The gap along the face, which depends on the place z across it alone.
+/// The gap that depends on the place z across the face alone.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Lead {
     /// Gap at both ends, from where it falls as a parabola to zero in the middle; mm.

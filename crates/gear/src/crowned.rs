@@ -1,5 +1,5 @@
-//! Loaded contact of slices whose gap depends on the place along the face: crowning, and where lines have no
-//! windows of their own helix slope.
+//! Loaded contact of slices whose gap depends on the place along the face: crowning, and a helix slope where lines have
+//! no windows of their own.
 //!
 //! At the phase φ the line of pair j touches s at the face position z/b = (s_in + φ + j p_bt − s)/w,
 //! so each line has a gap of its own, g(s) + C_β (1 − 2 z/b)² + slope · z/b. The gap is taken as linear between

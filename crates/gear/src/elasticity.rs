@@ -2,8 +2,8 @@
 //!
 //! With `weber-banaschek` the contact's approach depends on the load w,
 //! q_H(w) = 2 (1 − ν²)/(π E) [ln(4 t1 t2/a_H²) − ν/(1 − ν)], a_H² = 8 w R (1 − ν²)/(π E), with t_i the
-//! half thicknesses along the load line and R the relative radius. That is for equal materials; otherwise each gear adds
-//! its half with its own E, ν and t. The other models take a constant.
+//! half thicknesses along the load line and R the relative radius. That is for equal materials; otherwise each
+//! gear adds its half with its own E, ν and t. The other models take a constant.
 use crate::coupled::body::Body;
 use crate::input::{Member, ToothModel};
 use crate::path::Place;
@@ -16,7 +16,7 @@ const WEBER_FLOOR: f64 = 1.0;
 /// Greatest value of Weber's bracket, which grows without bound as the load vanishes.
 const WEBER_CEILING: f64 = 100.0;
 
-/// Where flanks touch, as far as their approach depends on it.
+/// The properties of a place of contact that the approach of the flanks depends on.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ContactPlace {
     s: f64,
@@ -51,7 +51,7 @@ impl NodeCompliance {
 }
 
 impl UnloadedPair {
-    /// What the bodies under the teeth add to the model `coupled`.
+    /// The constants of the bodies under the teeth, for the model `coupled`.
     pub(crate) fn bodies(&self) -> [Body; 2] {
         Member::BOTH.map(|member| Body::new(self.input(), self.geometry(), member))
     }

@@ -237,7 +237,8 @@ impl Geometry {
                 // The circular pitch less both thicknesses at the working pitch circles.
                 let excess = inv_of_tangent(tan_wt) - inv_without_backlash;
                 let backlash = 2.0 * centre_distance * excess;
-                // A distance of no backlash that was rounded to 12 digits has none.
+                // A slightly negative backlash is rounding: a centre distance without backlash may be given with 12
+                // digits.
                 if excess < -1e-11 {
                     let without = working_tangent(inv_without_backlash)?;
                     return Err(Infeasibility::Jammed {
@@ -453,9 +454,9 @@ impl Geometry {
         }
     }
 
-    /// Start and end of the path of contact on the flanks that undercut leaves: the path ends where the
-    /// flank is cut away. A path into a fillet is not shortened: there the teeth interfere, see
-    /// [`Geometry::interference`]. The start lies beyond the end where undercut leaves no path.
+    /// Start and end of the path of contact on the flanks that undercut leaves: the path ends where the flank is cut
+    /// away. A path into a fillet is not shortened, because the teeth interfere there, see [`Geometry::interference`].
+    /// The start lies beyond the end if undercut leaves no path.
     #[must_use]
     pub fn path_left(&self) -> [f64; 2] {
         let cut = |i: usize| {

@@ -214,8 +214,8 @@ pub struct PairInput {
     pub pressure_angle: f64,
     /// Helix angle β at the reference cylinder, rad. Its sign changes nothing.
     pub helix_angle: f64,
-    /// Face widths b, mm. Teeth touch over the smaller one; what a wider gear has beyond it counts in its root's
-    /// rating and its helix tolerance only.
+    /// Face widths b, mm. Teeth touch over the smaller one. The surplus of a wider gear counts only in the rating of
+    /// its root and in its helix tolerance.
     pub face_width: [f64; 2],
     /// Profile shift (addendum modification) coefficients x, in normal modules.
     pub profile_shift: [f64; 2],
@@ -396,11 +396,10 @@ impl Material {
 
 /// Fineness of the division of the path of contact and of the mesh period.
 ///
-/// Both numbers are minima: nodes and phases are added where the solution has kinks, and
-/// [`ToothModel::WholeFaceBeam`] takes twice as many cells. Errors fall with
-/// the square of both. The default, 64 cells and 32 phases, is off by 0.04 % of ΔSTE in the median
-/// and 0.3 % in the 95th percentile; the crate's front page has the table it was chosen from.
-/// [`ToothModel::Coupled`] costs more with every phase, and its [default](Self::of) are 24.
+/// Both numbers are minima: nodes and phases are added where the solution has kinks, and [`ToothModel::WholeFaceBeam`]
+/// takes twice as many cells. Errors fall with the square of both. The default, 64 cells and 32 phases, is off by 0.04
+/// % of ΔSTE in the median and 0.3 % in the 95th percentile; the crate's front page has the table it was chosen from.
+/// [`ToothModel::Coupled`] costs more with every phase, and its [default](Self::of) is 24 phases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Discretisation {
     /// Cells along the path of contact.

@@ -1,7 +1,7 @@
 //! Dimensions for drawing and inspection of a gear: form circles, thicknesses, span and balls.
 //!
-//! The simulation does not depend on this module. Dimensions are nominal: teeth have the thickness that follows from the
-//! profile shift. [`Limits`] are those with allowances.
+//! The simulation does not depend on this module. Dimensions are nominal: teeth have the thickness that follows from
+//! the profile shift. [`Limits`] adds the allowances.
 //!
 //! Reference: ISO 21771:2007.
 
@@ -44,9 +44,9 @@ pub struct ActivePath {
     pub root_sliding: [f64; 2],
 }
 
-/// Shortens the path of contact to where both flanks are involutes: contact starts no lower than
-/// the root form circles, and each tip is active only as far as it meets the mate above its own
-/// (ISO 21771, 5.4). `form_radius` are r_Ff in mm; a circle inside the base circle limits nothing.
+/// Shortens the path of contact to where both flanks are involutes: contact starts no lower than the root form circles,
+/// and each tip is active only as far as it meets the mate above the mate's root form circle (ISO 21771, 5.4).
+/// `form_radius` are r_Ff in mm; a circle inside the base circle limits nothing.
 ///
 /// The simulator itself keeps the whole path and reports the interference instead.
 #[must_use]
@@ -92,7 +92,7 @@ pub struct FlankPoint {
 pub fn tip_land(geometry: &Geometry) -> [f64; 2] {
     Member::BOTH.map(|member| {
         let tip = flank(geometry, member, geometry.r_a[member.index()]);
-        // A pointed tooth has none, up to rounding.
+        // A pointed tooth has no land, and rounding may make it negative.
         tip.normal_thickness.max(0.0)
     })
 }

@@ -26,7 +26,7 @@
 //! cell are integrated exactly, and nodes and phases lie on the kinks. The transmission error is
 //! δ/cos β_b, and ΔSTE its range over one base pitch.
 //!
-//! # What a discretisation costs and loses
+//! # Cost and error of a discretisation
 //! Errors of ΔSTE against [`Pair::converged`] in %, median and 95th percentile over 200 random
 //! feasible designs of a box of wide profile shifts and tool heights (20 and 22 teeth, β = 30°),
 //! and times on one core, with `hertz-beam` / `weber-banaschek`:
@@ -92,9 +92,9 @@
 //!
 //! # What is left out, and when that matters
 //! - **Thin rims, webs and shafts** need finite elements: bodies are solid.
-//! - **Coupling of slices** with all models but `coupled`: without it ΔSTE is 19 % from finite elements
-//!   in the median at best, and zero at an integer overlap ratio, where it is not. Teeth are beams on an elastic
-//!   half-plane (`weber-banaschek`) or beams alone (`hertz-beam`).
+//! - **Coupling of slices** with all models but `coupled`: without it ΔSTE differs from finite elements by 19 %
+//!   in the median at best, and is zero at an integer overlap ratio, where that of finite elements is not. Teeth
+//!   are beams on an elastic half-plane (`weber-banaschek`) or beams alone (`hertz-beam`).
 //! - **Load history in the compliance**: with `weber-banaschek` the contact's approach is that of the
 //!   greatest load that the unworn pair carries at s. Wear moves load, but the approach changes only
 //!   by the logarithm of it: a load three times as great makes the pair 5 % stiffer.
@@ -102,7 +102,7 @@
 //!   one differs. Of manufacture only the slopes of profiles and helices are known, the same on all teeth of
 //!   a gear, and the misalignment of the shafts ([`Scatter`]).
 //! - **Contact beyond the ends of the path**, of tips that engage early under load, with the models of the
-//!   paper: teeth as stiff as theirs hardly show it.
+//!   paper: their teeth are so stiff that it hardly shows.
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first
 //!   stretch of a gear's life; deep wear spreads the load and would grow more evenly.
 
@@ -145,7 +145,7 @@ mod vectors;
 mod wear;
 mod whole_face;
 
-// The tests inside the crate share general pairs with those outside, which call it by its name.
+// Unit tests share the module of general pairs with the integration tests, which call this crate `gear`.
 #[cfg(test)]
 extern crate self as gear;
 #[cfg(test)]

@@ -130,7 +130,7 @@ pub struct Scatter {
     pub class_factors: [f64; 2],
     /// Tolerance ± of the misalignment of the shafts in the plane of action over the face, mm.
     pub misalignment: f64,
-    /// Tolerance ± of the amount of each tip relief, mm. A relief has no less than no amount.
+    /// Tolerance ± of the amount of each tip relief, mm. The amount is never negative.
     pub tip_relief: f64,
 }
 
@@ -190,7 +190,7 @@ pub(crate) struct Deviation {
     pub(crate) profile: [f64; 2],
     /// Growth of the gap along the face, mm.
     pub(crate) tilt: f64,
-    /// By how much the amounts of the tip reliefs deviate, mm.
+    /// Deviations of the amounts of the tip reliefs, mm.
     relief: Vec<f64>,
 }
 

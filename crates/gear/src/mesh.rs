@@ -88,8 +88,7 @@ impl Mesh {
         })
     }
 
-    /// The mesh with the stiffness that belongs to the gap `gap` at the nodes, mm. Only coupled cells have
-    /// another one.
+    /// The mesh with the stiffness that belongs to the gap `gap` at the nodes, mm. It differs only for coupled cells.
     pub(crate) fn with_gap(
         &self,
         pair: &UnloadedPair,
@@ -158,8 +157,8 @@ impl Mesh {
         }
     }
 
-    /// δ at any phase where no gap keeps the flanks apart and contact ends with the path; NaN for coupled
-    /// ones, which know their phases only.
+    /// δ at any phase, if no gap keeps the flanks apart and contact ends with the path; NaN for coupled cells, which
+    /// are solved at their phases only.
     pub(crate) fn unworn(&self, phi: f64, windows: &mut Vec<Window>) -> f64 {
         let phi = phi.rem_euclid(self.frame.path.base_pitch);
         match &self.contact {

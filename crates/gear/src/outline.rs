@@ -86,8 +86,9 @@ pub struct ProfilePoint {
     pub depth: f64,
 }
 
-/// The transverse profile of one tooth in the middle of the face, from the middle of the space on its right over the tip
-/// to that on its left. `points` are those of [`gear_outline`]. Crowning and helix slopes are not part of a profile.
+/// The transverse profile of one tooth in the middle of the face, from the middle of the space on its right over the
+/// tip to that on its left. `points` are those of [`gear_outline`]. Crowning and helix slopes are not part of a
+/// profile.
 #[must_use]
 pub fn tooth_profile(pair: &Pair, member: Member, points: usize) -> Vec<ProfilePoint> {
     let geometry = pair.geometry();
@@ -107,7 +108,8 @@ pub fn tooth_profile(pair: &Pair, member: Member, points: usize) -> Vec<ProfileP
         let depth = relief
             .filter(|_| on_involute)
             .map_or(0.0, |relief| relief.depth(ends[1] - tau));
-        // The normal of the flank is a tangent of the base circle. The amount is normal to the flank, the section transverse.
+        // The normal of the flank is a tangent of the base circle. The amount is normal to the flank, the section
+        // transverse.
         let away = x.atan2(y) - (tau / r_b).atan() + FRAC_PI_2;
         let inwards = depth / geometry.beta_b.cos();
         ProfilePoint {

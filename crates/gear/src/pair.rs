@@ -111,8 +111,8 @@ impl Pair {
         may_tilt: bool,
     ) -> Result<Arc<Mesh>, SingularCompliance> {
         let geometry = self.geometry();
-        // Spur teeth whose gap is the same all along the face have one cell a line, other teeth a cell for
-        // every gap.
+        // A spur mesh whose gap is the same all along the face has one cell per line, and needs strips if gaps vary
+        // along the face. All other meshes have strips already.
         let needs_strips =
             may_tilt && geometry.beta_b == 0.0 && self.corrections().lead(geometry).is_even();
         if !self.mesh.is_coupled() || gap == self.relief && !needs_strips {
@@ -129,7 +129,7 @@ impl Pair {
         } else {
             self.mesh.with_gap(&self.unloaded, gap)?
         });
-        // A mesh that is kept already stays.
+        // A mesh that is already stored stays.
         let _ = self.worn.set(WornMesh {
             gap: gap.to_vec(),
             has_strips: needs_strips,

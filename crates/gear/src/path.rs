@@ -98,7 +98,7 @@ pub(crate) struct Path {
     /// Nodes, increasing, from s_in to s_out.
     pub(crate) s: Vec<f64>,
     cells: CellIndex,
-    /// Those on the path itself.
+    /// Indices of the nodes on the path itself.
     inner: Range<usize>,
     /// Gap of the tip corners at all nodes, mm; empty where contact ends with the path.
     separation: Vec<f64>,
@@ -222,8 +222,7 @@ impl Path {
                     ]);
                 }
             }
-            // A spur line passes a kink of the gap at once. A helical one smooths it, and its cells want
-            // even phases.
+            // A spur line passes a kink of the gap at once. A helical line smooths it, and its cells need even phases.
             Touch::Cells if spur => kinks.extend(marks.iter().chain([&pitch_point])),
             Touch::Cells => kinks = vec![0.0],
             // Where the middle passes the kinks of compliance and gap, which are among the breaks.

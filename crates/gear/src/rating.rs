@@ -1,12 +1,12 @@
 //! The load capacity of ISO 6336, to set beside the tooth model's stresses and stiffness.
 //!
-//! The simulation does not depend on this module. It covers the stresses of roots and flanks with what follows from the
-//! geometry, the safeties S_F and S_H, and the mesh stiffness c′ and c_γ. [`inspection`](crate::inspection) has the dimensions
-//! that a gear is measured by.
+//! The simulation does not depend on this module. It covers the stresses of roots and flanks with the factors that
+//! follow from the geometry, the safeties S_F and S_H, and the mesh stiffness c′ and c_γ.
+//! [`inspection`](crate::inspection) has the dimensions that a gear is measured by.
 //!
 //! Factors that do not follow from the geometry are inputs ([`Factors`]): application, dynamics, distribution of the
-//! load, life, lubricant, roughness, size. Left out: rims (Y_B = 1), the deep-tooth factor (Y_DT = 1), and the factor f_ZCa
-//! of the flank, which the edition of 2019 adds to Z_B and Z_D for helical gears without profile modification.
+//! load, life, lubricant, roughness, size. Left out: rims (Y_B = 1), the deep-tooth factor (Y_DT = 1), and the factor
+//! f_ZCa of the flank, which the edition of 2019 adds to Z_B and Z_D for helical gears without profile modification.
 //!
 //! References: ISO 6336-1:2006 (stiffness, method B), ISO 6336-2:2006 (contact), ISO 6336-3:2006
 //! and 2019 (root, method B).
@@ -107,8 +107,8 @@ impl Default for Factors {
 }
 
 impl Factors {
-    /// K_Fβ = K_Hβ^N_F with N_F = 1/(1 + h/b + (h/b)²) (ISO 6336-1, method C), where h is the greater tooth height and h/b at
-    /// most 1/3.
+    /// K_Fβ = K_Hβ^N_F with N_F = 1/(1 + h/b + (h/b)²) (ISO 6336-1, method C), where h is the greater tooth height and
+    /// h/b at most 1/3.
     fn root_face_load(&self, geometry: &Geometry) -> f64 {
         let heights = [0, 1].map(|i| geometry.r_a[i] - geometry.r_f[i]);
         let slenderness = (heights[0].max(heights[1]) / geometry.face_width).min(1.0 / 3.0);
@@ -117,7 +117,7 @@ impl Factors {
     }
 }
 
-/// What a pair's stresses are compared with.
+/// The allowable stresses of a pair's roots and flanks, and the factors of both.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Strength {
     /// The factors of the stresses, and of the allowable ones.
@@ -129,8 +129,8 @@ pub struct Strength {
 }
 
 impl Strength {
-    /// Safeties S_F = σ_FE Y_NT Y_δrelT Y_RrelT Y_X/σ_F of roots with these stresses σ_F, MPa; `None` where the allowable
-    /// stress is not known.
+    /// Safeties S_F = σ_FE Y_NT Y_δrelT Y_RrelT Y_X/σ_F of roots with these stresses σ_F, MPa; `None` where the
+    /// allowable stress is not known.
     #[must_use]
     pub fn root_safety(&self, stress_mpa: [f64; 2]) -> [Option<f64>; 2] {
         let factors = &self.factors;
@@ -167,10 +167,11 @@ pub struct RootRating {
     /// Stress correction factor Y_S = (1.2 + 0.13 L) q_s^(1/(1.21 + 2.3/L)), L = s_Fn/h_Fe and
     /// q_s = s_Fn/(2 ρ_F); at least 1.
     pub y_s: f64,
-    /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°; in the edition of 2019 over cos³ β.
+    /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°; in the edition of 2019 over cos³
+    /// β.
     pub y_beta: f64,
-    /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa, where b is the gear's own face width, as far as it is at most
-    /// one module wider at each end than the mate's.
+    /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa, where b is the gear's own face width, as far as it is at
+    /// most one module wider at each end than the mate's.
     pub stress_mpa: f64,
 }
 
@@ -179,7 +180,8 @@ pub struct RootRating {
 pub struct MeshStiffness {
     /// Theoretical single stiffness c′_th = 1/q′.
     pub theoretical: f64,
-    /// Single stiffness c′ = c′_th C_M C_R C_B cos β E/206 GPa with E = 2 E1 E2/(E1 + E2) and C_M = 0.8, less under a light load.
+    /// Single stiffness c′ = c′_th C_M C_R C_B cos β E/206 GPa with E = 2 E1 E2/(E1 + E2) and C_M = 0.8, less under a
+    /// light load.
     pub single: f64,
     /// Mesh stiffness c_γα = c′ (0.75 ε_α + 0.25).
     pub mesh_alpha: f64,
@@ -314,8 +316,8 @@ fn root(pair: &UnloadedPair, member: Member, line_load: f64, edition: Edition) -
     }
 }
 
-/// The load distribution factor f_ε of ISO 6336-3:2019, for the contact ratio of the virtual spur gears and an overlap ratio
-/// of at most 1.
+/// The load distribution factor f_ε of ISO 6336-3:2019, for the contact ratio of the virtual spur gears and an overlap
+/// ratio of at most 1.
 fn load_sharing(eps_alpha_n: f64, overlap: f64) -> f64 {
     if eps_alpha_n < 1.0 {
         return 1.0;

@@ -85,8 +85,8 @@ impl Pair {
     }
 
     /// As [`sampler_with`](Self::sampler_with), for flanks with the mean wear `flanks`, which another load may have
-    /// worn; from `wear` are the random multiplier and the random share of the depth. Samplers of one pair under
-    /// several loads have the same flanks for the same coefficients.
+    /// worn. `wear` gives the random multiplier and the random share of the depth. Samplers of one pair under several
+    /// loads have the same flanks for the same coefficients.
     #[must_use]
     pub fn sampler_on(&self, flanks: &FlankWear, wear: &Wear, scatter: Scatter) -> Sampler {
         Sampler::new(self, flanks, wear, scatter)

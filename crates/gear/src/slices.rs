@@ -389,8 +389,8 @@ mod tests {
     use crate::mesh::Scratch;
     use crate::pair::Pair;
 
-    /// A slope along the face gives the same δ from prefix sums, line by line, as from pieces of the lines,
-    /// which next to no crowning asks for.
+    /// A slope along the face gives the same δ from prefix sums, line by line, as from pieces of the lines, which a
+    /// negligible crowning selects.
     #[test]
     fn a_slope_along_the_face_needs_no_pieces() {
         for slope in [0.003, -0.011] {

@@ -58,8 +58,8 @@ pub(crate) struct Load {
     pub(crate) half_thickness: f64,
 }
 
-/// What a load's place on the tooth contributes to the tooth's compliance, for one load or for two; or,
-/// with lists as `T`, what many places contribute.
+/// The quantities of a load's place on the tooth from which the compliance follows, for one load or for two; with lists
+/// as `T`, those of many places.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Station<T = f64> {
     pub(crate) cos_alpha_f: T,
@@ -119,7 +119,7 @@ impl Station<Vec<f64>> {
 #[inline(always)]
 pub(crate) fn influence(a: &Station, b: &Station, nu: f64) -> [f64; 2] {
     const PI: f64 = std::f64::consts::PI;
-    // Values and no references: then loops over stations use the vector units.
+    // Values instead of references let loops over stations use the vector units.
     let is_lower = a.y < b.y;
     let low = |of_a: f64, of_b: f64| if is_lower { of_a } else { of_b };
     let (m1, m2, n0) = (low(a.m1, b.m1), low(a.m2, b.m2), low(a.n0, b.n0));

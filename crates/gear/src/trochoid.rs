@@ -210,7 +210,7 @@ mod tests {
                 ..
             }) => {
                 assert!((without_backlash - alone.centre_distance).abs() < 1e-9);
-                // 2 a tan α_w per millimetre, nearly.
+                // The overlap is nearly 2 tan α_w times the difference in the centre distance.
                 assert!(
                     (overlap / 0.1 - 2.0 * found.alpha_wt.tan()).abs() < 0.05,
                     "{overlap}"

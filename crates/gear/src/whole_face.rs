@@ -145,7 +145,7 @@ impl WholeFace {
     pub(crate) fn load(&self, frame: &Frame, g: &[f64], end: f64, delta: f64) -> f64 {
         let path = &frame.path;
         let (share, middle) = path.line().on_path(end);
-        // Before and after contact.
+        // The line is not in contact.
         if share <= 0.0 {
             return 0.0;
         }

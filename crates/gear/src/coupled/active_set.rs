@@ -1,9 +1,9 @@
 //! The cells that touch: one small linear system for each guess, until no cell pulls or overlaps.
 //!
-//! With A the inverse of the compliance of all cells, a = A 1 and gaps g, the forces are
-//! F = δ a − A g − A λ. λ is the overlap of the cells that are held open, and zero elsewhere; it follows
-//! from their forces, which are zero, and δ from the sum of all forces. Cells whose force would pull are opened, open ones that would overlap are closed. After
-//! [`FREE_ROUNDS`] only the first offender changes in a round, which cannot cycle.
+//! With A the inverse of the compliance of all cells, a = A 1 and gaps g, the forces are F = δ a − A g − A λ. λ is the
+//! overlap of the cells that are held open, and zero elsewhere; it follows from their forces, which are zero, and δ
+//! from the sum of all forces. Cells whose force would pull are opened, and open cells that would overlap are closed.
+//! After [`FREE_ROUNDS`] only the first offender changes in a round, which cannot cycle.
 
 use crate::vectors::with_vectors;
 
@@ -40,15 +40,15 @@ impl Stiffness {
     }
 }
 
-/// What the cells of a phase carry.
+/// The gaps and the load of the cells of a phase.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Loading<'a> {
     pub(super) stiffness: &'a Stiffness,
     /// Gaps of the cells, mm.
     pub(super) gap: &'a [f64],
-    /// N.
+    /// Load of all cells together, N.
     pub(super) load: f64,
-    /// Which cells are open at first.
+    /// Whether each cell is open at the start.
     pub(super) is_open: &'a [bool],
 }
 
@@ -140,7 +140,8 @@ impl Memory {
         f64::NAN
     }
 
-    /// Lists the open cells. If all are, the one with the least gap is closed: something carries the load.
+    /// Lists the open cells. If all are open, the one with the least gap is closed, because some cell must carry the
+    /// load.
     #[inline(always)]
     fn list_open(&mut self, gap: &[f64]) {
         self.open.clear();

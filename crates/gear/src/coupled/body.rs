@@ -1,4 +1,4 @@
-//! What the body under the teeth adds: to the loaded tooth, and to its neighbours.
+//! The compliance that the body under the teeth adds to the loaded tooth and to its neighbours.
 //!
 //! Weber and Banaschek's teeth stand on an elastic half-plane. A gear's body ends at its hub, is as
 //! wide as the face, and carries further teeth, which move with the loaded one. The terms here are
@@ -50,7 +50,7 @@ pub(crate) struct Neighbour {
     slope_trail: f64,
 }
 
-/// What every tooth further away than the second neighbour adds to the twist, times Young's modulus.
+/// Displacement of a tooth further away than the second neighbour, beyond the twist, times Young's modulus.
 pub(crate) const FAR: f64 = 0.078;
 
 impl Body {

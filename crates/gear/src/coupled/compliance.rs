@@ -177,9 +177,8 @@ impl Parts {
         compliance
     }
 
-    /// Adds to `row` the part of one gear in the compliance between the first of the cells `places`, which
-    /// has the station `at`, and the cells of one line, which lie side by side from the second one on and have
-    /// the stations `from`.
+    /// Adds to `row` the part of one gear in the compliance between one cell and the cells of one line, which lie side
+    /// by side. `places` are that cell and the first cell of the line; `at` and `from` are their stations.
     #[inline(always)]
     fn add(
         &self,

@@ -1,11 +1,11 @@
 //! Coupling along the face: how a load at one place of the face moves another place.
 //!
-//! The displacement is expanded in cosine modes φ_k(z) = √(ε_k/b) cos(kπz/b), ε_0 = 1, ε_k = 2, as a
-//! free end mirrors it. Each mode has a gain: the mean displacement (k = 0) has that of a slice, short
-//! waves die out. Bending and foundation have gains of their own. Two more terms make the ends of a
-//! helical tooth what they are: modes of odd distance couple (the acute corner is soft, the obtuse
-//! one stiff), and modes of even distance (the ends are free). A neighbouring tooth is touched at
-//! another place of the face, so its kernel is shifted along z. For the tooth behind it is the transposed one.
+//! The displacement is expanded in cosine modes φ_k(z) = √(ε_k/b) cos(kπz/b), ε_0 = 1, ε_k = 2, as a free end mirrors
+//! it. Each mode has a gain: the mean displacement (k = 0) has that of a slice, short waves die out. Bending and
+//! foundation have gains of their own. Two more terms describe the ends of a helical tooth: modes an odd distance apart
+//! couple (the acute corner is soft, the obtuse one stiff), and so do modes an even distance apart (the ends are free).
+//! A neighbouring tooth is touched at another place of the face, so its kernel is shifted along z. The kernel of the
+//! tooth behind is the transpose of that of the tooth ahead.
 //!
 //! All constants come from finite elements of 36 gears; see the module `coupled`.
 
@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 use crate::geometry::Geometry;
 use crate::vectors::with_vectors;
 
-/// The most modes: shorter waves than a tenth of the module carry nothing.
+/// The most modes: waves shorter than a tenth of the module carry nothing.
 const MOST_MODES: usize = 24;
 /// The fewest modes, for faces that are wide enough to have as many strips.
 const FEWEST_MODES: usize = 4;

@@ -2,10 +2,10 @@
 
 use crate::vectors::with_vectors;
 
-/// As many numbers as fill a vector register or two.
+/// A block of numbers that fills one or two vector registers.
 pub(super) type Lanes = [f64; 8];
 
-/// The lanes that hold `n` numbers.
+/// The number of [`Lanes`] that hold `n` numbers.
 pub(super) const fn lanes(n: usize) -> usize {
     n.div_ceil(8)
 }

@@ -5,22 +5,22 @@
 //! Its displacement is C times the forces of all cells, where C has three parts:
 //!
 //! - **own tooth**: Weber and Banaschek's bending, shear and foundation as a function of *two* places on
-//!   the flank (`tooth`), spread along the face by a kernel each (`face`), and what a body with a hub adds
-//!   (`body`);
+//!   the flank (`tooth`), each spread along the face by a kernel (`face`), and the compliance of a body with a
+//!   hub (`body`);
 //! - **neighbours**: a loaded tooth turns the two on either side, and those further away by the twist of
 //!   the body;
-//! - **contact**: Weber's approach on the diagonal, for the load of the corrected flanks; in samples, of those
-//!   with the mean wear.
+//! - **contact**: Weber's approach on the diagonal, for the load that the corrected flanks carry; samples take
+//!   the load of the flanks with the mean wear.
 //!
 //! C is inverted once for each mesh phase of a design. A sample is a vector of gaps; which cells touch is
 //! found by an active set (`active_set`). Contact goes on beyond the ends of the path (`beyond`).
 //!
 //! # Accuracy and range
-//! The constants were fitted to finite elements of 36 gears of steel (ν = 0.3; they scale with 1/E).
-//! On 24 pairs that were not used for that ΔSTE differs from finite elements by 4 % in the median and 15 % at
-//! the 95th percentile, with 96 phases by 3 % and 13 %. The range is: solid bodies, 15 to 80 teeth, faces of 2 to 14 modules, helix angles
-//! up to 35°, rack angles from 17.5° to 25°, profile shifts up to 0.6. Faces of less than 2.5 modules at
-//! 25° and more are the worst part of it.
+//! The constants were fitted to finite elements of 36 gears of steel (ν = 0.3; they scale with 1/E). On 24 pairs that
+//! were not used for the fit ΔSTE differs from finite elements by 4 % in the median and 15 % at the 95th percentile,
+//! with 96 phases by 3 % and 13 %. The range is: solid bodies, 15 to 80 teeth, faces of 2 to 14 modules, helix angles
+//! up to 35°, rack angles from 17.5° to 25°, profile shifts up to 0.6. The errors are largest for faces of less than
+//! 2.5 modules at 25° and more.
 //!
 //! Left out: friction, the pressure of edges (at tip corners and at the ends of the face), rims, webs and
 //! shafts, and the effect of the load of a sample on the approach of its contact (0.13 % of ΔSTE).

@@ -107,8 +107,8 @@ pub struct Wear {
     pub range: f64,
     /// Variance of the multiplier, whose mean is 1.
     pub variance: f64,
-    /// The share of the law's depth that a pair has worn off when it is met, evenly distributed between these two
-    /// numbers: a gear that wears evenly over its life is met at any time of it. `None` is the whole depth.
+    /// The share of the law's depth that is worn off, evenly distributed between these two numbers: a gear that wears
+    /// evenly over its life is met at a random time of it. `None` is the whole depth.
     pub life: Option<[f64; 2]>,
 }
 

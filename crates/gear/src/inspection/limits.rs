@@ -5,7 +5,7 @@ use crate::geometry::Geometry;
 use crate::input::Member;
 use crate::unloaded::UnloadedPair;
 
-/// How far a pair may differ from its nominal dimensions, mm. Arrays are [pinion, mate].
+/// Permitted deviations of a pair from its nominal dimensions, mm. Arrays are [pinion, mate].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Allowances {
     /// Upper and lower allowances E_sns and E_sni of the normal tooth thickness; negative where teeth are thinner.
@@ -23,8 +23,8 @@ pub struct Limits {
     pub span: [Option<[f64; 2]>; 2],
     /// Dimensions over the sheet's balls M_dK; absent where no common ball touches the flanks.
     pub over_balls: [Option<[f64; 2]>; 2],
-    /// Normal backlash j_bn: the greatest is that of the thinnest teeth and the greatest distance. Changes of the working
-    /// pressure angle within the tolerance are neglected.
+    /// Normal backlash j_bn: the greatest is that of the thinnest teeth and the greatest distance. Changes of the
+    /// working pressure angle within the tolerance are neglected.
     pub normal_backlash: [f64; 2],
 }
 

@@ -48,8 +48,8 @@ pub struct Sheet {
     pub normal_backlash: f64,
     /// Diameters d_Ca at which tip reliefs start; absent on a tip without.
     pub relief_diameter: [Option<f64>; 2],
-    /// Diameters d_Cf up to which a root relief of this gear leaves the same gap as the mate's tip relief, in whose place it
-    /// may be made; absent without one.
+    /// Diameters d_Cf at which a root relief of this gear would end that replaces the mate's tip relief and leaves the
+    /// same gap; absent without a tip relief.
     pub root_relief_diameter: [Option<f64>; 2],
 }
 
@@ -113,8 +113,8 @@ fn diameter_at(geometry: &Geometry, member: Member, s: f64) -> f64 {
     2.0 * r_b.hypot(geometry.tangent_length(member, s))
 }
 
-/// The length in mm along the path of contact of a tip relief that starts at `diameter` mm, at least the base diameter; not
-/// positive at the tip and beyond.
+/// The length in mm along the path of contact of a tip relief that starts at `diameter` mm, at least the base diameter;
+/// not positive at the tip and beyond.
 #[must_use]
 pub fn relief_length(geometry: &Geometry, member: Member, diameter: f64) -> f64 {
     let tangent = tangent_length(0.5 * diameter, geometry.r_b[member.index()]);

@@ -253,8 +253,8 @@ impl Reading {
     }
 }
 
-/// The root stress in the reading that comes nearest to the paper's σ_vm, MPa: the pinion's alone, with the fillet radius of
-/// its tool in Y_S in the place of the fillet's own.
+/// The root stress in the reading that comes nearest to the paper's σ_vm, MPa: the pinion's alone, with the fillet
+/// radius of its tool in Y_S in the place of the fillet's own.
 #[must_use]
 pub fn pinion_root_stress(pair: &UnloadedPair) -> f64 {
     let [root, _] = pair.root_stress();

@@ -1,5 +1,5 @@
-//! Random and hostile pairs, and what must hold for each of them. Shared by the tests, which spend a
-//! small fixed budget on it, and by the `fuzz` example, which spends any.
+//! Random and hostile pairs, and the properties that must hold for each of them. Shared by the tests, which spend a
+//! small fixed budget on them, and by the `fuzz` example, which spends any.
 
 use std::collections::BTreeMap;
 
@@ -242,7 +242,7 @@ pub(crate) fn wear(rng: &mut StreamRng, m: f64) -> Wear {
     }
 }
 
-/// Mostly none; sometimes tip relief, short or longer than the path, and seldom crowning.
+/// Mostly no corrections; sometimes tip relief, short or longer than the path, and seldom crowning.
 fn corrections(input: &PairInput, rng: &mut StreamRng) -> Corrections {
     let mut corrections = Corrections::default();
     let m = match input.size {

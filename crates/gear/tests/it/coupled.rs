@@ -98,8 +98,8 @@ fn samples_do_not_depend_on_their_order() {
     assert!(forwards.iter().eq(backwards.iter().rev()));
 }
 
-/// Helix slopes and misalignment scatter the samples of all that know the face, spur gears too, and leave
-/// the wear's random numbers alone.
+/// Helix slopes and misalignment scatter the samples of all models that know the face, spur gears too, and leave the
+/// wear's random numbers alone.
 #[test]
 fn helix_slopes_and_misalignment_scatter() {
     let class = Scatter::of_class(FlankClass::new(7).unwrap());

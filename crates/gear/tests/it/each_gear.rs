@@ -75,8 +75,8 @@ fn each_gear_has_the_compliance_of_its_material() {
     }
 }
 
-/// Which of the two gears is called the pinion changes nothing: seen from the other gear, the path of contact runs
-/// backwards.
+/// The transmission error does not depend on which gear is called the pinion: seen from the other gear, the path of
+/// contact runs backwards.
 #[test]
 fn exchanged_gears_have_the_same_transmission_error() {
     for (tooth_model, tolerance) in [(ToothModel::HertzBeam, 1e-9), (ToothModel::Coupled, 1e-2)] {

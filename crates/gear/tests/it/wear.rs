@@ -220,12 +220,12 @@ fn flanks_keep_their_wear_under_another_torque() {
     assert_eq!(pair.worn(&flanks), pair.archard(&WEAR));
     let worn = light.worn(&flanks);
     assert_eq!(worn.depth, pair.archard(&WEAR).depth);
-    // The light load's own wear is as deep by the law, and elsewhere along the path.
+    // The light load's own wear has the same greatest depth by the law, but lies elsewhere along the path.
     assert_ne!(worn.depth, light.archard(&WEAR).depth);
     let new = light.worn(&flanks.clone().scaled(0.0)).analysis;
     let difference = new.delta_ste_um - light.unworn().delta_ste_um;
     assert!(difference.abs() < 1e-9, "{difference}");
-    // The same coefficients are the same flanks.
+    // Equal coefficients give equal flanks.
     let none = gear::Scatter::default();
     let [mut heavy, mut light] = [&pair, &light].map(|pair| pair.sampler_on(&flanks, &WEAR, none));
     assert_eq!(heavy.modes(), light.modes());
