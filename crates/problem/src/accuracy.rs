@@ -1,12 +1,12 @@
 //! Settings for an accuracy: `[accuracy] tolerance_um` chooses the simulator's grid, the number of samples
 //! and the estimator of the percentile.
 //!
-//! The choice rests on two tables that `coordinator tradeoff campaigns/paper.toml` measured: the error of
-//! each grid relative to ΔSTE, and the error of each estimator in standard deviations of ΔSTE. Twenty random
-//! designs of the campaign's own box say how large ΔSTE and its standard deviation are there; medians make
-//! micrometres of both errors. The errors are independent, so their squares add up. Of the settings whose
-//! error is within the tolerance the one that computes a design in the least time is taken, by the times of
-//! the tables: the choice depends on the file alone, not on the machine.
+//! The choice rests on two tables that `coordinator tradeoff campaigns/paper.toml` measured: the error of each grid
+//! relative to ΔSTE, and the error of each estimator in standard deviations of ΔSTE. Both are converted to micrometres
+//! by the medians of ΔSTE and of its standard deviation over twenty random designs of the campaign's own box. The
+//! errors are independent, so their squares add up. Among the settings whose error is within the tolerance, the one
+//! with the least time for a design is taken, by the times of the tables: the choice depends on the file alone, not on
+//! the machine.
 
 use std::fmt;
 
@@ -19,8 +19,8 @@ use crate::file::{
 use crate::formulation::Problem;
 use crate::own_designs;
 
-/// The simulator's table of `tradeoff`, measured in full with the paper's campaign; coupled cells with the
-/// gears of `campaigns/pair.toml`, and against 96 phases.
+/// The simulator's table of `tradeoff`, measured in full with the paper's campaign. Coupled cells were measured with
+/// the gears of `campaigns/pair.toml`, against 96 phases.
 pub const SIMULATOR_TABLE: &str = include_str!("../data/simulator.csv");
 /// The percentile's table of `tradeoff`, measured in full with the paper's campaign.
 pub const PERCENTILE_TABLE: &str = include_str!("../data/percentile.csv");
@@ -68,7 +68,7 @@ impl Estimator {
         }
     }
 
-    /// Whether a campaign may use it.
+    /// Whether the campaign may use this estimator.
     fn suits(&self, campaign: &Campaign) -> bool {
         let is_independent = self.coefficients == WearCoefficients::Independent;
         let has_long_tail = campaign
@@ -148,7 +148,7 @@ pub struct CampaignFile {
 }
 
 impl CampaignFile {
-    /// Parses and validates `text`; `file` names it in errors. A tolerance takes simulations of random designs.
+    /// Parses and validates `text`; `file` names it in errors. A tolerance requires simulations of random designs.
     ///
     /// # Errors
     ///
@@ -223,7 +223,7 @@ impl CampaignFile {
         })
     }
 
-    /// The campaign with the designs of its table, whose text this is; `file` names the table in errors.
+    /// The campaign with the designs of its table, whose text is `table`; `file` names the table in errors.
     ///
     /// # Errors
     ///

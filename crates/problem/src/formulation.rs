@@ -265,8 +265,8 @@ impl Problem {
         self.random.as_ref()
     }
 
-    /// The deterministic quantities that a search on models takes from models of their own: all of them, or none where the
-    /// built-in model or a fast program evaluates them.
+    /// The deterministic quantities that a search on models takes from models of their own: all of them, or none where
+    /// the built-in model or a fast program evaluates them.
     #[must_use]
     pub fn modelled(&self) -> &[Quantity] {
         match &self.kind {

@@ -32,7 +32,7 @@ pub use run::{Run, RunResult, Solution};
 /// Maximum number of times that a run with an infeasible printed optimum continues.
 const CONTINUATIONS: u32 = 10;
 
-/// The first number of the random streams of searches beside the runs, above those of approaches.
+/// The first number of the random streams of additional searches, above those of approaches.
 const BESIDE: u64 = 1 << 20;
 
 /// Runs the optimiser to the end.
@@ -127,8 +127,8 @@ impl Search {
         Self::begin(problem, run, run.approach.number(), CONTINUATIONS)
     }
 
-    /// Starts a search beside the runs of the campaign, which `number` distinguishes from others of
-    /// the same start. It ends with its budget, even without a feasible design.
+    /// Starts a search in addition to the runs of the campaign; `number` distinguishes it from others of the same
+    /// start. It ends with its budget, even without a feasible design.
     ///
     /// # Errors
     ///
@@ -174,10 +174,10 @@ impl Search {
             }
             (Approach::Direct, Some(from)) => {
                 origin = from;
-                // The best design lies near one that is good already.
+                // The best design lies near the start, which is good already.
                 options.search.step /= 3.0;
             }
-            // An approach that varies more than the DoE does has no own designs.
+            // The user's own designs do not fit an approach that varies more variables than the DoE.
             (_, None) if dimension == problem.dimension() => {
                 let own = campaign.doe.points.get(run.start as usize);
                 origin = own.map_or(origin, |x| unit_point(x));

@@ -1,5 +1,5 @@
-//! Designs of the user's own, which come first in the DoE, and what is known of them: `[doe] points`, `responses`
-//! and `samples`, or the rows of `[doe] table`.
+//! The user's own designs, which come first in the DoE, with their known responses and samples: `[doe] points`,
+//! `responses` and `samples`, or the rows of `[doe] table`.
 
 use crate::file::{Doe, Source, TableRows};
 use crate::formulation::{Problem, Quantity};
@@ -8,12 +8,12 @@ use crate::{Campaign, FileError};
 /// The largest relative error of a bound or a discrete value that is taken for rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Why samples of one's own are refused.
+/// The reason why the user's own samples are refused.
 const DRAWN: &str = "the samples follow from random numbers of the campaign, which those of another program do not have";
-/// Why responses of one's own are refused.
+/// The reason why the user's own responses are refused.
 const COMPUTED: &str = "the built-in model computes the responses itself";
 
-/// The check of a sample of one's own: what is wrong with it.
+/// The fault of one of the user's own samples; `None` if there is none.
 fn sample_fault(problem: &Problem, sample: &[f64]) -> Option<String> {
     if sample.iter().any(|value| !value.is_finite()) {
         return Some("a sample has finite numbers; one that failed is left out".to_owned());
@@ -37,7 +37,7 @@ impl Problem {
     }
 }
 
-/// What the campaign file has of a design in this list; nothing beyond its end.
+/// The entry of a design in this list of the campaign file; empty beyond the end of the list.
 fn own<T>(known: &[Vec<T>], design: u64) -> &[T] {
     let place = usize::try_from(design).ok();
     let known = place.and_then(|place| known.get(place));
@@ -55,7 +55,7 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// The columns for this problem, or what is wrong with them.
+    /// The columns for this problem. The error is their fault.
     fn of(problem: &'a Problem, columns: &csv::StringRecord) -> Result<Self, String> {
         let campaign = problem.campaign();
         let rows = campaign.doe.table_rows;
@@ -106,7 +106,7 @@ impl<'a> Header<'a> {
     }
 }
 
-/// The numbers of a row in these columns, or what is wrong with one.
+/// The numbers of a row in these columns. The error is the fault of one.
 fn numbers(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Vec<f64>, String> {
     let number = |&(name, place): &(&str, usize)| {
         let text = &record[place];
@@ -122,8 +122,8 @@ fn known(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Option<Vec
     is_known.then(|| numbers(record, columns)).transpose()
 }
 
-/// The section with the designs of its table, which has a column for each free variable, and for what is known of the
-/// designs; other columns are not read. `file` names the table in errors.
+/// The section with the designs of its table. The table has a column for each free variable and for each known
+/// quantity; other columns are not read. `file` names the table in errors.
 pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe, FileError> {
     let wrong = |line: u64, message: String| FileError::Syntax {
         file: file.to_owned(),
@@ -203,7 +203,7 @@ fn forget_empty_ends<T>(lists: &mut Vec<Vec<T>>) {
     lists.truncate(last.map_or(0, |last| last + 1));
 }
 
-/// Checks the designs that the campaign file itself has, and their samples.
+/// Checks the designs that the campaign file itself lists, and their samples.
 pub(crate) fn check(campaign: &Campaign, source: Source<'_>) -> Result<(), FileError> {
     let points = &campaign.doe.points;
     if points.is_empty() {
@@ -246,7 +246,7 @@ pub(crate) fn check(campaign: &Campaign, source: Source<'_>) -> Result<(), FileE
     Ok(())
 }
 
-/// What is wrong with a design beside those `before` it: the variable, its value, and what would be right.
+/// The fault of a design, given those `before` it: the variable, its value, and the valid values.
 fn fault(
     problem: &Problem,
     point: &[f64],

@@ -77,7 +77,7 @@ pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, Pr
     let (mut failed, mut error) = (0, String::new());
     let mut fault = None;
     for design in 0..u64::from(designs) {
-        // The place of the design, and the stream of its samples behind it.
+        // The stream gives the point of the design, and then its samples.
         let begin = || {
             let mut rng = stream(0, Purpose::Test, design, 0);
             let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();

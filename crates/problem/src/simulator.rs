@@ -53,16 +53,16 @@ pub trait PreparedDesign {
     /// The design is not simulable, or the simulator failed.
     fn analyse(&mut self, state: State) -> Result<Analysis, NoAnswer>;
 
-    /// Draws a sample using only `rng`: a value for each of the [sampled responses](Problem::sampled), for a gear pair ΔSTE
-    /// in µm. NaN or infinite if the simulator has no number for it.
+    /// Draws a sample using only `rng`: a value for each of the [sampled responses](Problem::sampled), for a gear pair
+    /// ΔSTE in µm. NaN or infinite if the simulator has no number for it.
     ///
     /// # Errors
     ///
     /// The simulator or its machine failed. Another attempt may succeed.
     fn sample(&mut self, rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer>;
 
-    /// The number of standard normal coefficients that the random effects are made of: those of a gear pair's flanks, or
-    /// the scores of the campaign's random inputs. 0 if the simulator's random effects are not known.
+    /// The number of standard normal coefficients that the random effects are made of: those of a gear pair's flanks,
+    /// or the scores of the campaign's random inputs. 0 if the simulator's random effects are not known.
     fn modes(&mut self) -> usize {
         0
     }

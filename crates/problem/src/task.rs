@@ -84,7 +84,8 @@ pub const VERIFICATION: (Purpose, u64) = (Purpose::Verify, 0);
 pub enum Output {
     /// The output of a simulable design.
     Design {
-        /// The responses without random effects, in the order of [`Problem::responses`](crate::formulation::Problem::responses).
+        /// The responses without random effects, in the order of
+        /// [`Problem::responses`](crate::formulation::Problem::responses).
         responses: Vec<f64>,
         /// Why the design gets no samples although it is simulable: its constraints rule it out,
         /// such as `ruled-out: …`.
@@ -137,7 +138,7 @@ impl Failure {
 /// The outcome of a unit.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Outcome {
-    /// What was finished, from the unit's first sample on; `None` if nothing was.
+    /// The finished output, from the unit's first sample on; `None` if nothing was finished.
     pub output: Option<Output>,
     /// The failure after it.
     pub failure: Option<Failure>,

@@ -124,7 +124,8 @@ fn of_sections(material: &Materials, wear: &Wear, face_width_mm: f64) -> Vec<Str
 }
 
 /// A warning about a torque that no tooth carries: its tangential force over face width and module is above the
-/// material's σ_Hlim in MPa, and the root stress by ISO 6336-3 is about three times that force. Pressure angle in degrees, face width in mm.
+/// material's σ_Hlim in MPa, and the root stress by ISO 6336-3 is about three times that force. Pressure angle in
+/// degrees, face width in mm.
 fn of_torque(
     load: &Load,
     size: Size,
@@ -175,8 +176,8 @@ fn of_amounts([tip_relief_um, crowning_um]: [&[f64]; 2]) -> Vec<String> {
     all.into_iter().filter_map(of).collect()
 }
 
-/// A warning about a centre distance that usual profile shifts of the mate do not give with the module, and the
-/// distances that they give.
+/// A warning about a centre distance that, with the module, needs an unusual profile shift of the mate; it names the
+/// distances of the usual shifts.
 fn of_centre_distance(sections: &GearSections) -> Option<String> {
     let pair = &sections.pair;
     let (module, given) = (pair.normal_module_mm?, pair.centre_distance_mm?);

@@ -242,7 +242,7 @@ impl OfGears {
     }
 }
 
-/// One more than the most steps of a variable.
+/// The most values of a stepped variable.
 const MOST_STEPS: f64 = 1000.0;
 
 impl Setting {

@@ -105,8 +105,9 @@ impl Campaign {
         }
     }
 
-    /// The source of the noise variances of measures that constraints limit: smoothed if all designs have the same number of
-    /// samples. Own variances would draw their models towards designs that seem safe by chance, most of all at levels far out.
+    /// The source of the noise variances of measures that constraints limit: smoothed if all designs have the same
+    /// number of samples. Own variances would draw their models towards designs that seem safe by chance, most of all
+    /// at levels far out.
     #[must_use]
     pub fn limit_noise(&self) -> Noise {
         let are_equal = self.sampling.precision.is_none();
@@ -141,8 +142,8 @@ impl Campaign {
             .is_some_and(|sections| sections.report.compare_with_paper)
     }
 
-    /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key
-    /// order, nor on where the program is and how often failures are tried again.
+    /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key order, nor on the place
+    /// of the program and the number of attempts after failures.
     #[must_use]
     pub fn digest(&self) -> String {
         let mut content = self.clone();
@@ -178,10 +179,10 @@ impl Campaign {
         Sha256::digest(values.to_json().as_bytes()).into()
     }
 
-    /// Whether this campaign is a larger version of `held`: more designs, more samples per design
-    /// or more verification samples, more approaches, an enrichment or a larger budget for it, other limits of the
-    /// response, another measure of it, or another model with the same kernel, and everything else the same. The samples taken for `held` are then part of
-    /// this campaign.
+    /// Whether this campaign is a larger version of `held`: more designs, more samples per design or more verification
+    /// samples, more approaches, an enrichment or a larger budget for it, other limits of the response, another measure
+    /// of it, or another model with the same kernel, and everything else the same. The samples taken for `held` are
+    /// then part of this campaign.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
         let sizes = |campaign: &Self| [campaign.doe.designs, campaign.sampling.samples_per_design];
@@ -235,7 +236,7 @@ impl Campaign {
         }
     }
 
-    /// Sets them; a response beyond the list gets none.
+    /// Sets the limits; a response beyond the list gets none.
     fn set_limits(&mut self, limits: &[[Option<f64>; 2]]) {
         if let Kind::External(sections) = &mut self.kind {
             let limits = limits.iter().copied().chain(std::iter::repeat([None; 2]));
@@ -245,8 +246,8 @@ impl Campaign {
         }
     }
 
-    /// The constraints on measures of samples. Like the measure that is optimised, they decide what the samples mean and
-    /// not their values, so that a campaign keeps its samples when they change.
+    /// Sets the constraints on measures of samples. Like the measure that is optimised, they decide how samples are
+    /// interpreted and not their values, so that a campaign keeps its samples when they change.
     fn set_sampled_constraints(&mut self, constraints: Vec<ConstraintSection>) {
         if let Kind::External(sections) = &mut self.kind {
             let is_deterministic = |one: &ConstraintSection| one.measure.is_none();
@@ -340,8 +341,8 @@ impl Campaign {
             .name([&response.name, &response.unit])
     }
 
-    /// With random slope deviations ΔSTE has a long tail: the normal formula gives half to three
-    /// quarters of the percentile's true standard error (`stages::responses` has the test).
+    /// A warning about the normal estimator with random slope deviations. ΔSTE then has a long tail, and the normal
+    /// formula gives half to three quarters of the percentile's true standard error (`stages::responses` has the test).
     fn warning_of_normality(&self) -> Option<String> {
         self.gears()?.manufacture?;
         let key = if self.sampling.control == ControlVariate::Linearised {
@@ -412,7 +413,7 @@ impl Campaign {
         self.optimise.validate(source)
     }
 
-    /// Requires that the listed approaches are possible, and that nothing is asked for beside the list.
+    /// Requires that the listed approaches are possible, and that no key asks for an approach outside the list.
     fn validate_approaches(&self, source: Source<'_>) -> Result<(), FileError> {
         let Some(listed) = &self.approaches else {
             return Ok(());

@@ -1,4 +1,4 @@
-//! The response that a measure is of: one of `[[responses]]`, or a combination of several in each sample.
+//! The response of a measure: one of `[[responses]]`, or a combination of several in each sample.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -60,7 +60,7 @@ impl Combination {
         }
     }
 
-    /// The places of its responses among these; the first name that none of them has is the error.
+    /// The indices of its responses in `responses`. The error is the first name that is not among them.
     pub(crate) fn places(&self, responses: &[ResponseSection]) -> Result<Vec<usize>, &str> {
         let place = |name| {
             let place = responses.iter().position(|one| one.name == name);

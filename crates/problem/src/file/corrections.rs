@@ -8,7 +8,7 @@ use super::FileError;
 use super::bounds::{OfGears, Relation, Setting};
 use super::validate::{InvalidValue, Source};
 
-/// Number of variables that the corrections of a design are.
+/// Number of variables of a design that are corrections.
 pub(crate) const CORRECTIONS: usize = 6;
 
 /// `[corrections]` of a campaign, optional: profile and helix modifications, which are further variables of all its

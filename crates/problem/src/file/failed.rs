@@ -82,7 +82,7 @@ impl Sampling {
         }
     }
 
-    /// The percentile of all samples from those that have not failed, of which the failed ones are a `share` of all.
+    /// The percentile of all samples, computed from those that have not failed; `share` is the share of failed samples.
     fn percentile_of_others(
         &self,
         finite: &[f64],
@@ -179,7 +179,7 @@ mod tests {
             near(p90(Worst, 10), 1.598);
             near(p90(LeftOut, 10), 1.2816);
             assert_eq!(p90(RefusesDesign, 1), f64::INFINITY);
-            // A tenth and more leave no percentile.
+            // There is no percentile if a tenth or more have failed.
             assert_eq!(p90(Worst, 23), f64::INFINITY);
             near(p90(LeftOut, 23), 1.2816);
         }
@@ -209,7 +209,7 @@ mod tests {
         let (_, sd) = stats::mean_sd(&values).unwrap();
         stated.sort_by(f64::total_cmp);
         let ratio = stated[stated.len() / 2] / (sd * sd);
-        // Without the share's part it is 0.4.
+        // Without the variance of the share the ratio is 0.4.
         assert!((0.7..1.2).contains(&ratio), "{ratio}");
     }
 

@@ -1,4 +1,4 @@
-//! The two kinds of files with a gear pair, and what is said of one that is given for the other.
+//! The two kinds of files with a gear pair, and the error for one that is given in place of the other.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -21,7 +21,7 @@ impl FileKind {
         }
     }
 
-    /// What to do where a file of this kind is expected, and another one is given.
+    /// The remedy if a file of this kind is expected and another one is given.
     const fn remedy(self) -> &'static str {
         match self {
             Self::Campaign => {

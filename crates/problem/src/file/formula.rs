@@ -27,7 +27,7 @@ impl Formula {
         })
     }
 
-    /// Its value for these values of the variables.
+    /// The value of the formula for these values of the variables.
     pub(crate) fn at(&self, values: &[f64]) -> f64 {
         let own: Vec<f64> = self.variables.iter().map(|&place| values[place]).collect();
         // The number of values is that of the expression's variables.

@@ -108,7 +108,7 @@ impl Load {
         Some((Several::Sum(sum), places))
     }
 
-    /// The ΔSTE that counts of those in all cases.
+    /// The ΔSTE that counts, combined from those in all cases.
     pub(crate) fn combined(&self, values: &[f64]) -> f64 {
         match self.combination() {
             None => values[0],

@@ -261,7 +261,7 @@ impl MaterialSection {
         })
     }
 
-    /// σ_Hlim and σ_Flim by name, treatment and hardness, MPa, if these tell them.
+    /// σ_Hlim and σ_Flim in MPa, if name, treatment and hardness determine them.
     fn limits(&self, place: &str) -> Result<Option<[f64; 2]>, String> {
         let Some(name) = self.name else {
             let stray = self.treatment.map(|_| "treatment");

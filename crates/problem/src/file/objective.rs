@@ -1,5 +1,5 @@
-//! `[objective]`: the measure of the random response, and its direction. A constraint on samples states a measure in the
-//! same way.
+//! `[objective]`: the measure of the random response, and its direction. A constraint on samples states a measure in
+//! the same way.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -91,9 +91,9 @@ impl Objective {
         }
     }
 
-    /// The measure with its limit that models and searches use in the place of this one, which is at most or at least
-    /// `limit`. For a probability it is the percentile, which says the same from the other side and, unlike a small
-    /// probability, can be estimated from few samples: P(y > 400) ≤ 0.01 exactly if P99 of y ≤ 400.
+    /// The measure and the limit that models and searches use in place of this measure and `limit`. They replace a
+    /// probability by the equivalent percentile, which, unlike a small probability, can be estimated from few samples:
+    /// P(y > 400) ≤ 0.01 exactly if P99 of y ≤ 400.
     #[must_use]
     pub fn searched(&self, limit: f64) -> (Self, f64) {
         if self.measure != MeasureName::Exceedance {
@@ -243,7 +243,7 @@ impl Objective {
                     value,
                     &format!("a number beside measure = {}", listed(measures)),
                 )?,
-                // A level has a default.
+                // A missing level has a default.
                 None if measures == [self.measure] => {
                     let expected = format!("given beside measure = {}", listed(measures));
                     return Err(source.missing(&key, &expected));

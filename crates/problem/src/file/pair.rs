@@ -158,7 +158,7 @@ impl PairFile {
         self.of_geometry(source)
     }
 
-    /// Refuses what only the geometry shows to be impossible.
+    /// Refuses values that only the geometry shows to be impossible.
     fn of_geometry(&self, source: Source<'_>) -> Result<(), FileError> {
         let input = self.to_gear();
         if let (Some(corrections), Ok(geometry)) = (&self.corrections, gear::Geometry::new(&input))
@@ -226,7 +226,7 @@ impl PairFile {
         schemars::schema_for!(PairFile).to_value()
     }
 
-    /// The normal module in mm; 1 where the involute equation has no solution, of which the simulator tells.
+    /// The normal module in mm; 1 where the involute equation has no solution, which the simulator reports.
     fn module(&self, size: Size) -> f64 {
         let pair = &self.pair;
         let [alpha, beta] = [pair.pressure_angle_deg, pair.helix_angle_deg].map(f64::to_radians);

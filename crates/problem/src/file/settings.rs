@@ -187,7 +187,7 @@ impl Verify {
         }
     }
 
-    /// Number of samples that every optimum gets, whatever they are.
+    /// Number of samples that every optimum gets first, whatever their values.
     #[must_use]
     pub fn first(&self) -> u32 {
         self.samples.unwrap_or(Self::PILOT)
@@ -210,8 +210,8 @@ impl Verify {
         let (Some(aim), Some((low, high))) = (self.half_width, pilot.interval) else {
             return self.first();
         };
-        // The width shrinks with the root of the number of samples. That of the pilot's interval is known
-        // to about 10 %: 1.2 is the margin for its square.
+        // The width shrinks with the root of the number of samples. The width of the pilot's interval is known to about
+        // 10 %, and 1.2 is the margin for its square.
         let ratio = 0.5 * (high - low) / (aim * pilot.value.abs());
         let wanted = 1.2 * ratio * ratio * pilot.n as f64;
         // 0/0 for a response that is always zero.

@@ -103,7 +103,7 @@ impl SimulatorSection {
         Duration::from_secs_f64(self.retry_s.unwrap_or(Self::RETRY_S))
     }
 
-    /// The keys that results may depend on. What the program is, its digest says.
+    /// The keys that results may depend on. The program is identified by its digest instead.
     pub(super) fn of_values(&self) -> Self {
         Self {
             kind: self.kind,

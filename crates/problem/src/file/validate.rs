@@ -1,4 +1,4 @@
-//! Invalid values, and where in its file each is.
+//! Invalid values, and their places in the file.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -93,7 +93,7 @@ fn shown(value: &impl Serialize) -> String {
     }
     match toml::Value::try_from(value) {
         Ok(value) => of(&value),
-        // A number that TOML cannot hold.
+        // TOML cannot hold this number.
         Err(_) => serde_json::to_string(value).unwrap_or_default(),
     }
 }
@@ -148,7 +148,7 @@ impl Source<'_> {
             if invalid.key.contains('.') {
                 return Some(self.error(invalid));
             }
-            // A value that does not know its section.
+            // The value does not know its section.
             invalid.key = here.unwrap_or(invalid.key);
             return Some(self.error_at(line + 1, invalid));
         }

@@ -155,7 +155,7 @@ mod tests {
         assert!(message.contains("pair.gear_ratio"), "{message}");
     }
 
-    /// The paper's radii and helix angle are frozen, so those that a size fixes must not stay so.
+    /// The paper's radii and helix angle are frozen; those that a size fixes must not stay frozen.
     #[test]
     fn dimensions_replace_the_campaign_s_and_are_named_in_errors() {
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();

@@ -88,8 +88,8 @@ impl Gears {
         LoadedCases::new(pair, &self.sections.load, wear, self.scatter())
     }
 
-    /// The analysis of a pair in one state: the ΔSTE that counts of those in all cases, and the pressure under the
-    /// load's own torque.
+    /// The analysis of a pair in one state: the ΔSTE combined from all cases, and the pressure under the load's own
+    /// torque.
     #[must_use]
     pub fn analyse(&self, cases: &LoadedCases, state: State) -> Analysis {
         let pair = cases.pair();
@@ -128,8 +128,8 @@ impl Gears {
         self.sections.corrections_of(design)
     }
 
-    /// The design with these values, of which those that the campaign ties to others, or that follow from them, are
-    /// set anew.
+    /// The design with these values, in which the values that the campaign ties to others, or that follow from others,
+    /// are computed anew.
     #[must_use]
     pub fn dependent(&self, mut values: Vec<f64>) -> Design {
         for (place, setting) in self.sections.settings().into_iter().enumerate() {

@@ -5,7 +5,7 @@ use stats::{IntervalEstimate, Samples};
 use super::{Bound, Constraint, Quantity};
 use crate::file::{Aim, Combination, ExternalSections, Load, Objective, Sampling};
 
-/// The probability with which a measure keeps the limit by which its estimate or prediction is judged.
+/// The probability, given an estimate or a prediction, with which a measure must keep its limit.
 const HOLDS: f64 = 0.95;
 
 /// A measure of the samples of a design.
@@ -13,9 +13,9 @@ const HOLDS: f64 = 0.95;
 pub struct ResponseMeasure {
     /// Its name, such as P90 or the name of a constraint, and its unit.
     pub quantity: Quantity,
-    /// The response that it is a measure of.
+    /// The response that is measured.
     pub response: Quantity,
-    /// The places of the responses that a sample's number is made of.
+    /// The indices of the responses from which a sample's number is computed.
     places: Vec<usize>,
     /// The settings that the measure of verification samples follows from.
     stated: Sampling,
@@ -110,8 +110,8 @@ impl ResponseMeasure {
             .collect()
     }
 
-    /// The settings from which the measure of a design of the DoE, or of an infill point, is estimated. A probability that
-    /// is limited is estimated as the percentile that says the same.
+    /// The settings from which the measure of a design of the DoE, or of an infill point, is estimated. A limited
+    /// probability is estimated as the equivalent percentile.
     #[must_use]
     pub const fn sampling(&self) -> &Sampling {
         &self.searched
@@ -230,8 +230,8 @@ impl ResponseMeasure {
         Some(shown)
     }
 
-    /// The value that a constraint is judged by, given an estimate or prediction and its variance: it is on the safe side
-    /// of it with a probability of 95 %.
+    /// The value by which a constraint is judged, given an estimate or prediction and its variance: the measure lies on
+    /// the safe side of this value with a probability of 95 %.
     #[must_use]
     pub fn bound(&self, value: f64, variance: f64) -> f64 {
         value + stats::normal_quantile(self.safe_level()) * variance.max(0.0).sqrt()

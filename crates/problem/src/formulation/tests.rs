@@ -314,7 +314,7 @@ fn a_limit_on_the_tip_land_is_a_constraint_of_campaign_and_store() {
     }
 }
 
-/// The problem of the paper's campaign with this `[corrections]`, on teeth that know the face.
+/// The problem of the paper's campaign with this `[corrections]`, with a tooth model that knows the face.
 fn corrected(section: &str) -> Problem {
     let text = Campaign::PAPER.replacen("\"whole-face-beam\"", "\"hertz-beam\"", 1);
     let text = format!("{text}\n[corrections]\n{section}");
@@ -347,7 +347,7 @@ fn corrections_are_variables_that_are_free_fixed_or_tied() {
     assert_eq!(corrections.tip_relief[0], corrections.tip_relief[1]);
     assert_eq!(corrections.tip_relief[1].unwrap().length, 1.5);
     assert_eq!(corrections.crowning, 0.0);
-    // A pair file holds them.
+    // A pair file holds the corrections.
     let sections = tied.campaign().gears().unwrap();
     let file = crate::PairFile::of_design(sections, &design);
     assert_eq!(file.corrections(), corrections);
@@ -420,7 +420,7 @@ fn a_sample_is_the_transmission_error_in_every_case() {
     let mut prepared = problem.prepare(&design).unwrap();
     let none = vec![0.0; prepared.modes()];
     let sample = prepared.sample_at(&none).unwrap();
-    // Without cases the sample is the first case's.
+    // Without cases the sample is that of the first case.
     let mut alone = plain.prepare(&design).unwrap();
     assert_eq!(alone.sample_at(&none).unwrap(), sample[..1]);
     let [unworn, worn] = [State::Nominal, State::Baseline].map(|state| {

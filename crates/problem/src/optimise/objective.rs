@@ -31,7 +31,7 @@ pub struct Candidate {
     predicted: Option<Prediction>,
 }
 
-/// What models predict for a design.
+/// The models' predictions for a design.
 #[derive(Debug, Clone, PartialEq)]
 struct Prediction {
     /// The mean of the objective's model.

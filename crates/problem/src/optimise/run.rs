@@ -16,8 +16,8 @@ pub struct Run {
     pub start: u32,
     /// The values of the variables that the DoE does not vary; ignored if the approach varies all.
     pub base: Design,
-    /// The kriging models as JSON, for [`Approach::Kriging`]: of the [measures](crate::formulation::Problem::measures), and
-    /// then of the [modelled](crate::formulation::Problem::modelled) quantities.
+    /// The kriging models as JSON, for [`Approach::Kriging`]: of the [measures](crate::formulation::Problem::measures),
+    /// and then of the [modelled](crate::formulation::Problem::modelled) quantities.
     pub models: Vec<Arc<str>>,
     /// The design that the search begins at; a random point without one. A search on a model evaluates
     /// it first, a direct search begins with a shorter step.

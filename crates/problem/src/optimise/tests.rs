@@ -243,7 +243,7 @@ fn a_search_on_a_model_begins_at_the_best_design_and_never_ends_worse() {
             let mut search = Search::new(&problem, &run).unwrap();
             loop {
                 let candidates = search.ask(&problem);
-                // The program has nothing to say but that the designs can be simulated.
+                // The program's only answer is that the designs can be simulated.
                 let answers = candidates.iter().map(|candidate| {
                     candidate.is_asked.then(|| Answer {
                         analysis: crate::simulator::Analysis {

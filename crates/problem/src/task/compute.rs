@@ -309,8 +309,8 @@ fn ruled_out(problem: &Problem, design: &Design, responses: &[f64]) -> Option<St
     Some(format!("{RULED_OUT}: {}", broken.join(", ")))
 }
 
-/// The number of a design's first samples that no program is asked for: those that the campaign file has, or all of them
-/// if the responses that it has rule the design out.
+/// The number of a design's first samples that no program is asked for: those that the campaign file has, or all of
+/// them if the responses that it has rule the design out.
 #[must_use]
 pub fn samples_not_asked(problem: &Problem, design: u64) -> u32 {
     let is_out = problem.own_responses(design).is_some_and(|responses| {
@@ -334,7 +334,7 @@ struct Names {
 }
 
 impl Names {
-    /// Those of a design, or of a point's verification or infill samples.
+    /// The names for a design, or for a point's verification or infill samples.
     fn of(problem: &Problem, stream: StreamId) -> Self {
         let campaign = problem.campaign();
         let (verification, number) = VERIFICATION;

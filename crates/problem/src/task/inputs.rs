@@ -1,4 +1,4 @@
-//! What the values of a stream depend on.
+//! The inputs on which the values of a stream depend.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Samples with several responses: what is measured of them, and constraints on measures.
+//! Samples with several responses: their measures, and constraints on measures.
 
 use problem::formulation::Problem;
 use problem::{Campaign, Criteria};
@@ -143,8 +143,8 @@ fn another_constraint_on_samples_keeps_the_samples() {
     assert!(!exact.extends(&none));
 }
 
-/// The confidence that a limit is kept is at least 95 % in no more than 5 % of cases in which the measure lies just beyond
-/// it.
+/// The confidence that a limit is kept is at least 95 % in no more than 5 % of the cases in which the measure lies just
+/// beyond the limit.
 #[test]
 fn the_confidence_that_a_limit_is_kept_is_kept_itself() {
     let cases = 1500;

@@ -60,7 +60,7 @@ fn every_measure_has_its_keys_its_name_and_its_columns() {
             assert_eq!(problem.measured().name, name);
             let sampling = &problem.campaign().sampling;
             assert_eq!(sampling.measure_column(), column);
-            // Of 1 … 1000 with both signs: the verified measure and the estimate agree.
+            // The verified measure and the estimate of samples from −5 to 4.99 agree.
             let samples: Vec<f64> = (0..1000).map(|i| 0.01 * f64::from(i) - 5.0).collect();
             let verified = sampling.verified(&samples).unwrap();
             let estimate = sampling.estimate(&samples).unwrap().chosen.value;
@@ -334,7 +334,7 @@ fn another_measure_of_the_same_samples_extends_a_campaign() {
         with(&[direct, mean, (LEVEL, "")]).unwrap(),
     ];
     assert!(!searched[1].campaign().extends(searched[0].campaign()));
-    // More approaches, not fewer.
+    // A campaign with more approaches extends one with fewer, not the reverse.
     let few = with(&[("seed = 1 ", "seed = 1\napproaches = [\"kriging\"]\n")]).unwrap();
     assert!(both[0].extends(few.campaign()) && !few.campaign().extends(both[0]));
 }

@@ -316,7 +316,7 @@ fn a_simulator_section_that_says_nothing_changes_no_digest() {
     let external = parse("[simulator]\nkind = \"external\"").unwrap();
     assert!(external.is_external());
     assert_ne!(absent.digest(), external.digest());
-    // Where the program is does not make another campaign.
+    // The place of the program does not make another campaign.
     let named = "[simulator]\nkind = \"external\"\ncommand = \"./solve\"\ntimeout_s = 5\nprocessors = 4\n\
                  environment = { MODE = \"batch\" }";
     let named = parse(named).unwrap();

@@ -88,7 +88,7 @@ fn optional_keys_have_their_defaults() {
     assert_eq!(file.corrections(), gear::Corrections::default());
     assert_eq!(file.limits(), GearLimits::default());
     assert_eq!(file.wear, wear::default());
-    // One key leaves the others their defaults.
+    // If one key is given, the others have their defaults.
     let rough = parse(&format!("{plain}[wear]\nvariance = 0.04\n")).unwrap();
     let expected = gear::Wear {
         variance: 0.04,
@@ -323,7 +323,7 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
     }
 }
 
-/// A rack gives what it would be written with.
+/// A rack gives the same pair as its keys written out.
 #[test]
 fn a_rack_takes_the_place_of_its_keys() {
     let (before, rest) = FULL.split_once("tool_addendum").unwrap();

@@ -2,8 +2,7 @@
 
 use super::ALL_VARIABLES;
 
-/// The corrections in a design's values; none of a design without such variables. An amount of zero
-/// means no relief.
+/// The corrections in a design's values; none for a design without such variables. An amount of zero means no relief.
 pub(super) fn of_values(values: &[f64], shape: gear::ReliefShape) -> gear::Corrections {
     let none = gear::Corrections::default();
     let Some(&[amount_p, amount_r, length_p, length_r, crowning, slope]) =

@@ -77,8 +77,7 @@ pub(in super::super) fn sampled(load: &Load) -> Vec<Quantity> {
         .collect()
 }
 
-/// Largest plausible ΔSTE in µm: one metre. A larger number would spoil everything that is learned
-/// from it.
+/// Largest plausible ΔSTE in µm: one metre. A larger number would distort every model that is fitted to it.
 const MAX_DELTA_STE_UM: f64 = 1e6;
 
 /// The criteria of a gear pair besides ΔSTE. Two-element arrays are pinion, mate.
