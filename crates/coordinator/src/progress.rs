@@ -39,7 +39,8 @@ struct Step {
 }
 
 impl Progress {
-    /// Creates the display without lines. It draws only if standard error is a terminal, and writes to the log otherwise.
+    /// Creates the display without lines. It draws only if standard error is a terminal, and writes to the log
+    /// otherwise.
     pub(crate) fn new() -> Self {
         Self(Mutex::new(Output {
             line: None,

@@ -1,4 +1,4 @@
-//! What one free job costs when many workers wait for it.
+//! The cost of one free job when many workers wait for it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -45,7 +45,7 @@ struct Plan {
     /// The reason why no design would get samples, if none of the tried ones would.
     #[serde(skip_serializing_if = "Option::is_none")]
     nothing_to_sample: Option<String>,
-    /// How many of the tried random designs are feasible, where the built-in model simulates.
+    /// The feasible ones among the tried random designs, if the built-in model simulates.
     #[serde(skip_serializing_if = "Option::is_none")]
     feasible: Option<Feasible>,
     warnings: Vec<String>,
@@ -249,7 +249,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     })
 }
 
-/// What to do about a plan that costs more than its budget.
+/// A warning about a plan that needs more calls than its budget, with the keys that change them.
 fn over_budget(campaign: &Campaign, planned: &[Calls]) -> Option<String> {
     let budget = campaign.budget.calls?;
     let all: u64 = planned.iter().map(Calls::count).sum();
@@ -284,7 +284,7 @@ fn refused(trial: &Trial) -> Option<String> {
 /// proportion.
 const STORED: f64 = 1e9;
 
-/// What to do about a campaign with more samples than one coordinator and its store hold well.
+/// A warning about a campaign with more samples than one coordinator and its store hold well, with the remedies.
 fn beyond_one_store(samples: f64) -> Option<String> {
     (samples > STORED).then(|| {
         format!(
@@ -381,7 +381,7 @@ struct TrialTimes {
 }
 
 impl TrialTimes {
-    /// Those of an external program. A call takes all the processors that the campaign states.
+    /// The times of an external program. A call takes all the processors that the campaign states.
     fn of(trial: &Trial, problem: &Problem) -> Self {
         let campaign = problem.campaign();
         let processors = f64::from(campaign.simulator.processors.unwrap_or(1));
@@ -469,7 +469,7 @@ fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
     })
 }
 
-/// The feasible ones among [`DESIGNS`] random designs, of which these could be simulated.
+/// The feasible ones among [`DESIGNS`] random designs, of which those with `trials` could be simulated.
 fn feasible(problem: &Problem, trials: &[Analysis]) -> Feasible {
     let mut count = 0;
     // Each constraint by its name, with the number of designs that break it and the mildest violation.

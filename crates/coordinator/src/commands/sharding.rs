@@ -38,7 +38,7 @@ use crate::arguments;
 /// Maximum number of leases in a request.
 const LEASES: usize = 10_000;
 
-/// Why parts cannot be merged.
+/// The reason why parts cannot be merged.
 #[derive(Debug, thiserror::Error)]
 enum MergeError {
     #[error("{} is of another campaign than the store {}: merge it into the store that planned it",
@@ -162,7 +162,8 @@ async fn engine(
     }
     let options = board::options(problem);
     let board = Arc::new(Board::new(options, rand::random()));
-    // Suspects cannot be computed alone here: the coordinator does not know which parts of a shard run at the same time.
+    // Suspects cannot be computed alone here: the coordinator does not know which parts of a shard run at the same
+    // time.
     let mut histories = store.stream_histories().await?;
     histories
         .values_mut()

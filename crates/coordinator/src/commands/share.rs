@@ -1,4 +1,4 @@
-//! `completions` and `share`: what shells, `man` and editors read of the programs.
+//! `completions` and `share`: completions for shells, man pages, and schemas for editors.
 
 use std::fs;
 use std::path::Path;

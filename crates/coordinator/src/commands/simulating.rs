@@ -14,7 +14,7 @@ const SEED: u64 = 1;
 /// Default number of samples of random wear.
 const SAMPLES: u32 = 30;
 
-/// The file is not what the command reads.
+/// The file is not of the kind that the command reads.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct WrongFile(String);

@@ -1,4 +1,5 @@
-//! What the trade-off studies measure with programs: samples through board, workers and store, and whole campaigns.
+//! The measurements of the trade-off studies that need programs: samples through board, workers and store, and whole
+//! campaigns.
 
 use std::io::{BufRead as _, Write as _};
 use std::path::Path;
