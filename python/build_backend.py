@@ -18,7 +18,7 @@ PROGRAMS = ("coordinator", "worker")
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
-    # All three at once: each alone would give some crates other features, and build them again.
+    # All three at once: building each alone would enable other features of some crates and build them again.
     packages = [f"--package={name}" for name in (*PROGRAMS, "pitchline-python")]
     further = shlex.split((config_settings or {}).get("build-args", ""))
     subprocess.run(["cargo", "build", "--release", "--locked", *packages, *further], cwd=HERE, check=True)

@@ -1,7 +1,8 @@
 """Speed and accuracy beside other packages, as a Markdown table: ``python python/benches/speed.py``.
 
 The packages are those of ``requirements.txt``. Times are medians of repetitions in turn, so that a busy machine slows
-all of them. Nothing here is tuned to the test functions: every package has its own defaults but for what a row says.
+all of them. Nothing here is tuned to the test functions: every package has its own defaults, except for the options
+that a row names.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from smt.surrogate_models import KRG
 from pitchline import cmaes, doe, stats
 from pitchline.kriging import Kriging
 
-#: A task done by one package: what it says of its result.
+#: A task done by one package, which returns a description of its result.
 Task = Callable[[], str]
 
 
@@ -149,7 +150,7 @@ def searches() -> None:
 
 
 def calls() -> None:
-    """What a call costs beyond what it computes."""
+    """The cost of a call besides its computation."""
     x = doe.maximin(30, 2)
     model = Kriging(starts=1).fit(x, x.sum(axis=1), noise_variance=1e-4)
     search = cmaes.CmaEs([0.5, 0.5], [[0.0, 1.0]] * 2)

@@ -14,9 +14,9 @@ import sys
 
 def main() -> None:
     """Answers until the input ends."""
-    # The worker ends this process, with what it computes, in its own order.
+    # Ctrl-C is left to the worker, which ends this process and its computation in its own order.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What the function prints is for people: it goes where messages go.
+    # Text that the function prints is for people, so it goes to standard error.
     with os.fdopen(os.dup(1), "w", encoding="utf-8") as answers:
         os.dup2(2, 1)
         file, *path = sys.argv[1:]

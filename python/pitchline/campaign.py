@@ -1,4 +1,4 @@
-"""Campaigns: run them, stop and resume them, or answer their questions from elsewhere.
+"""Campaigns: run them, stop and resume them, or answer their requests from elsewhere.
 
 >>> import pitchline
 >>> @pitchline.simulator
@@ -59,11 +59,11 @@ _INTERRUPTED = 14
 
 
 class CampaignError(_pitchline.PitchlineError):
-    """A campaign that did not end well: the program's sentence. What is computed is kept."""
+    """A campaign did not end well; the text is the program's sentence. Computed results are kept."""
 
     #: the exit code, see the guide
     code: int = 1
-    #: what the store holds; ``None`` without one
+    #: the results in the store; ``None`` without one
     results: Results | None = None
 
 
@@ -107,11 +107,11 @@ class Campaign:
             yield file
 
     def _own_words(self, said: str, file: Path) -> str:
-        """What a program said of the file, which the user has not seen if the campaign was a dictionary."""
+        """A message of a program, without the name of a temporary file, which the user has not seen."""
         return said if self._file is not None else said.replace(os.fspath(file), "the campaign")
 
     def check(self) -> dict[str, Any]:
-        """What the campaign would do: the object of ``coordinator check --json``.
+        """The plan of the campaign: the object of ``coordinator check --json``.
 
         :raises CampaignError: a key or a value is wrong
         """
@@ -132,14 +132,14 @@ class Campaign:
         retry_failed: bool = False,
         progress: bool | Callable[[dict[str, Any]], object] = True,
     ) -> Results:
-        """Runs the campaign on this machine, or goes on with what its store holds.
+        """Runs the campaign on this machine, or continues the one in its store.
 
         Ctrl-C stops it in order; the same call continues it.
 
         :param db: the store; NAME.db if absent
         :param out: the folder of the report; NAME-report if absent
         :param workers: simulations at once; as many as processors if absent
-        :param retry_failed: whether to compute again what failed in every attempt
+        :param retry_failed: whether to compute results again that failed in every attempt
         :param progress: whether to show a bar, or a function that takes the status from time to time
         :raises CampaignError: it did not end well, or no design is feasible
         """
@@ -165,13 +165,13 @@ class Campaign:
         parallel: int = 1,
         out: str | os.PathLike[str] | None = None,
     ) -> Iterator[Evaluations]:
-        """Runs the campaign with simulations that happen elsewhere: what it wants to know is asked, and told.
+        """Runs the campaign with simulations that happen elsewhere: the campaign asks for evaluations, the caller tells them.
 
-        Leaving the context before the end stops the campaign; the same call continues it, and asks again what was
-        not told, and what was told in the last second. ``probe_designs = 0`` in ``[simulator]`` leaves out the questions
-        that test a program.
+        Leaving the context before the end stops the campaign. The same call continues it, and repeats the requests
+        that were not answered, or were answered in the last second. ``probe_designs = 0`` in ``[simulator]`` leaves
+        out the requests that test a program.
 
-        :param parallel: questions at once, at most 1024
+        :param parallel: requests at once, at most 1024
 
         >>> with campaign.ask_and_tell(parallel=4) as evaluations:     # doctest: +SKIP
         ...     for request in evaluations:
@@ -229,7 +229,7 @@ class Campaign:
                 process(
                     [program("coordinator"), "run", os.fspath(file), "--until-input-ends", *options, *further],
                     at_once=at_once,
-                    # It ends when this process does, even if that is killed.
+                    # The program ends with this process, even if this process is killed.
                     stdin=subprocess.PIPE,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.PIPE,
@@ -266,7 +266,7 @@ class _Running:
             return None
 
     def end(self) -> Results:
-        """What the campaign found."""
+        """The results of the campaign."""
         self._listening.join()
         code = self.child.wait()
         if code == 0:
@@ -302,7 +302,7 @@ def _shown(progress: bool | Callable[[dict[str, Any]], object]) -> Iterator[Call
         yield tell
         return
     with warnings.catch_warnings():
-        # Without ipywidgets it draws with characters, and says so.
+        # Without ipywidgets tqdm draws with characters, and warns about it.
         warnings.simplefilter("ignore")
         from tqdm.auto import tqdm
 
@@ -329,7 +329,7 @@ def _shown(progress: bool | Callable[[dict[str, Any]], object]) -> Iterator[Call
 
 
 class Request:
-    """A question of a campaign."""
+    """A request of a campaign."""
 
     def __init__(self, request: dict[str, Any], names: list[str]) -> None:
         #: ``"sample"``, or ``"evaluate"`` for the numbers without random effects
@@ -340,7 +340,7 @@ class Request:
         self.random: dict[str, float] = request.get("random", {})
         #: of a sample whose random inputs the campaign does not state; else ``None``
         self.seed = seed_of(request)
-        #: the names of what is asked
+        #: the names of the requested responses
         self.responses = names
         self._told: Future[dict[str, Any]] = Future()
 
@@ -353,11 +353,11 @@ class Request:
         self._answer({name: number(value) for name, value in responses.items()})
 
     def refuse(self, text: str) -> None:
-        """This design cannot be simulated; the text is as of :class:`pitchline.Refused`."""
+        """This design cannot be simulated. The text has the form of that of :class:`pitchline.Refused`."""
         self._answer({"refused": reason("refused", text)})
 
     def again(self, text: str) -> None:
-        """Something failed that another attempt may cure."""
+        """The simulation failed, and another attempt may succeed."""
         self._answer({"error": text})
 
     def _answer(self, answer: dict[str, Any]) -> None:
@@ -370,8 +370,8 @@ class Request:
 
 
 class Evaluations:
-    """The questions of a campaign; iterating yields them one after another until the campaign is finished. What workers
-    ask again is answered as before."""
+    """The requests of a campaign; iterating yields them one after another until the campaign is finished. A repeated
+    request of a worker gets the same answer as before."""
 
     def __init__(self, running: _Running, listener: socket.socket) -> None:
         self._running = running
@@ -389,7 +389,7 @@ class Evaluations:
                 threading.Thread(target=self._converse, args=(end,), daemon=True).start()
 
     def _converse(self, end: socket.socket) -> None:
-        """Passes the questions of one worker on."""
+        """Passes on the requests of one worker."""
         sampled: list[str] = []
         with contextlib.suppress(OSError), end, end.makefile("rw", encoding="utf-8") as lines:
             for line in lines:
@@ -404,7 +404,7 @@ class Evaluations:
                 lines.flush()
 
     def _answer(self, request: dict[str, Any], names: list[str]) -> dict[str, Any]:
-        """What is told of a request."""
+        """The answer to a request."""
         key = json.dumps({name: value for name, value in request.items() if name != "id"}, sort_keys=True)
         with self._lock:
             asked = self._asked.get(key)
@@ -418,7 +418,7 @@ class Evaluations:
         return answer
 
     def _leave(self) -> None:
-        """Ends all conversations: nobody will answer what is open."""
+        """Ends all conversations: open requests will get no answer."""
         with self._lock:
             asked = list(self._asked.values())
         for request in asked:
@@ -430,7 +430,7 @@ class Evaluations:
         self._requests.put(None)
 
     def ask(self, timeout: float | None = None) -> Request | None:
-        """The next question; waits for one, at most ``timeout`` seconds. ``None`` at the end of the campaign.
+        """The next request; waits for one, at most ``timeout`` seconds. ``None`` at the end of the campaign.
 
         :raises queue.Empty: there was none in time
         """
@@ -445,7 +445,7 @@ class Evaluations:
             yield request
 
     def results(self) -> Results:
-        """What the campaign found, once it is finished.
+        """The results of the campaign, once it is finished.
 
         :raises CampaignError: it did not end well
         """

@@ -33,7 +33,7 @@ Points = NDArray[np.float64]
 
 
 class Best(NamedTuple):
-    """The best of what was told."""
+    """The best evaluation that was told."""
 
     x: Points
     value: float
@@ -49,7 +49,7 @@ class Restart(NamedTuple):
 
 
 class Minimum(NamedTuple):
-    """What a run found."""
+    """The result of a run."""
 
     x: Points
     value: float

@@ -106,7 +106,7 @@ class Pair:
         return self._pair.sample(samples, seed)
 
     def simulate(self, *, wear: str = "none", samples: int = 30, seed: int = 1) -> dict[str, Any]:
-        """All that ``coordinator simulate --json`` says of the pair: stresses, safeties, the data sheet, …
+        """All figures of ``coordinator simulate --json``: stresses, safeties, the data sheet, …
 
         :param wear: ``"none"``, ``"archard"`` or ``"random"``, of which ``samples`` are drawn
         """
@@ -168,7 +168,7 @@ class Designs:
 
     @property
     def warnings(self) -> list[str]:
-        """What is doubtful about the campaign file, in sentences."""
+        """Doubts about the campaign file, in sentences."""
         return self._problem.warnings()
 
     @property

@@ -195,7 +195,7 @@ class Kriging(RegressorMixin, BaseEstimator):
         return self._model.means(x)
 
     def _joint(self, x: Array) -> tuple[Array, Array]:
-        """Means and covariances of what is modelled: y, or ln y."""
+        """Means and covariances of the modelled quantity: y, or ln y."""
         joint = self._model.joint(x)
         if joint is None:
             raise ValueError(
@@ -228,7 +228,7 @@ class Kriging(RegressorMixin, BaseEstimator):
     ) -> Array:
         """Functions drawn from the posterior, shape (n, n_samples)."""
         mean, covariance = self._joint(self._points(X))
-        # Rounding leaves eigenvalues just below zero; beyond it nothing is lost.
+        # Rounding leaves eigenvalues just below zero, which count as zero.
         values, vectors = np.linalg.eigh(covariance)
         normal = check_random_state(random_state).standard_normal((len(mean), n_samples))
         drawn: Array = mean[:, None] + (vectors * np.sqrt(np.maximum(values, 0.0))) @ normal

@@ -34,7 +34,7 @@ class Coordinator:
             self._options += ["--connect", connect]
 
     def _ask(self, *command: str) -> str:
-        """What a command prints."""
+        """The output of a command."""
         done = subprocess.run(
             [program("coordinator"), *command, *self._options],
             capture_output=True,

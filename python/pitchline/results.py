@@ -1,4 +1,4 @@
-"""What a campaign's store holds.
+"""The results in a campaign's store.
 
 >>> import pitchline
 >>> results = pitchline.Results("pair.db")              # doctest: +SKIP
@@ -178,7 +178,7 @@ class Results:
 
     @property
     def optima(self) -> Table:
-        """What the approaches found: a row for each, with the verified measure and its interval."""
+        """The optima of the approaches: a row for each, with the verified measure and its interval."""
         return self.table("optima")
 
     @property
@@ -191,7 +191,7 @@ class Results:
 
     @property
     def verification(self) -> dict[str, NDArray[np.float64]]:
-        """What the verification samples of each optimum count as in the measure, by approach."""
+        """The numbers that the verification samples of each optimum count as in the measure, by approach."""
         return dict(self._store.verification())
 
     @property
@@ -203,7 +203,7 @@ class Results:
         ]
 
     def pair(self, approach: str | None = None) -> Pair:
-        """The pair of an optimum, of the recommended one if absent; of a campaign of gears."""
+        """The pair of the optimum of an approach, or of the recommended one; for campaigns of gears only."""
         from pitchline.gear import Pair
 
         approach = approach or self._store.recommended()

@@ -82,7 +82,7 @@ class Simulator:
             self._sampled = request["sampled"]
             return {"protocol": request["protocol"], "version": "python"}
         arguments = {**request["design"], **request.get("random", {})}
-        # Where no number is asked for, the question is only whether the design can be simulated: any seed will do.
+        # A request without responses asks only whether the design can be simulated, so any seed will do.
         seed = seed_of(request)
         if seed is None and not request.get("responses"):
             seed = 0
@@ -136,7 +136,7 @@ def seed_of(request: dict[str, Any]) -> int | None:
 
 
 def number(value: Any) -> float | None:
-    """A number of an answer: ``None``, which says the same, for NaN and infinity, which JSON does not have."""
+    """A number of an answer; ``None`` stands for NaN and infinity, which JSON does not have."""
     value = float(value)
     return value if math.isfinite(value) else None
 
@@ -150,8 +150,9 @@ def reason(name: str, text: str) -> str:
 def simulator(function: Callable[..., Any]) -> Simulator:
     """Makes a function the simulator of a campaign; a decorator.
 
-    Workers run it in processes of their own, so it must depend on its arguments alone. An exception says that the
-    design cannot be simulated, with the exception's text; :class:`Refused` and :class:`Again` say it in other words.
+    Workers run it in processes of their own, so it must depend on its arguments alone. An exception means
+    that the design cannot be simulated, for the reason in its text. :class:`Refused` names the reason, and
+    :class:`Again` means that another attempt may succeed.
     """
     return Simulator(function)
 
@@ -185,9 +186,10 @@ def work(
 def process(
     command: list[str], *, at_once: bool = False, **options: Any
 ) -> Iterator[subprocess.Popen[str]]:
-    """A program that ends in order when the context does: Ctrl-C is passed on, and the end of what it computes awaited;
-    ``at_once`` without waiting."""
-    # A session of its own: Ctrl-C of the terminal would reach it as well, and a second one ends it at once.
+    """A program that ends in order when the context does: it gets Ctrl-C and is awaited, or gets a second Ctrl-C if
+    ``at_once``."""
+    # A session of its own: otherwise Ctrl-C of the terminal would reach it as well, and a second one would end it at
+    # once.
     child = subprocess.Popen(command, start_new_session=True, text=True, **options)
     try:
         yield child

@@ -4,9 +4,9 @@ use std::borrow::Cow;
 
 use numpy::{AllowTypeChange, PyArrayLike1, PyArrayLike2, PyUntypedArrayMethods as _};
 
-/// One number an observation; anything that numpy makes an array of.
+/// A vector with one number per observation, from anything that numpy converts to an array.
 pub(crate) type Vector<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
-/// One row a point.
+/// A matrix with one row per point.
 pub(crate) type Matrix<'py> = PyArrayLike2<'py, f64, AllowTypeChange>;
 
 /// The numbers of a vector, copied only if they do not lie one after another.
@@ -17,7 +17,7 @@ pub(crate) fn numbers<'a>(vector: &'a Vector<'_>) -> Cow<'a, [f64]> {
     }
 }
 
-/// The numbers of a matrix row by row, copied only if they do not lie so.
+/// The numbers of a matrix row by row, copied only if they are not stored in this order.
 pub(crate) fn rows<'a>(matrix: &'a Matrix<'_>) -> Cow<'a, [f64]> {
     match matrix.as_slice() {
         Ok(slice) if matrix.is_c_contiguous() => Cow::Borrowed(slice),

@@ -11,7 +11,7 @@ create_exception!(
     "What was wrong, where, and what would be right: the sentence that the programs print."
 );
 
-/// The exception of an error, with the causes of it.
+/// The Python exception of an error, with its causes.
 pub(crate) fn raised(error: impl Into<anyhow::Error>) -> PyErr {
     PitchlineError::new_err(format!("{:#}", error.into()))
 }

@@ -1,4 +1,4 @@
-//! Work outside of the interpreter's lock, which Ctrl-C ends if it is long.
+//! Work without the interpreter's lock, which Ctrl-C ends if it is long.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -9,10 +9,10 @@ use std::time::Duration;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
-/// How often signals are looked for while work is under way.
+/// Interval at which signals are looked for during long work.
 const LOOK: Duration = Duration::from_millis(50);
 
-/// Whether the work that holds it should end early.
+/// A flag that asks work to end early.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stopping(Arc<AtomicBool>);
 
@@ -26,7 +26,7 @@ impl Stopping {
 /// The process that has started the threads of this library; 0 before that.
 static STARTED: AtomicU32 = AtomicU32::new(0);
 
-/// Refuses a process that was forked from one with threads: it has none of them, and would wait for ever.
+/// Refuses a process that was forked from one with threads: the fork has none of them, and would wait for ever.
 fn refuse_forked() -> PyResult<()> {
     let own = std::process::id();
     match STARTED.compare_exchange(0, own, Ordering::Relaxed, Ordering::Relaxed) {
@@ -44,9 +44,9 @@ pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send)
     Ok(py.detach(work))
 }
 
-/// The result of `work`, which another thread computes while this one, without the interpreter's lock, looks for
-/// signals. After one the exception of its handler is raised at once. The work is asked to end; what does not
-/// look at [`Stopping`] goes on to its end and is thrown away.
+/// The result of `work`, which another thread computes while this one looks for signals without the interpreter's lock.
+/// A signal raises the exception of its handler at once, and asks the work to end. Work that does not look at
+/// [`Stopping`] runs to its end, and its result is discarded.
 pub(crate) fn interruptible<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Stopping) -> T + Send + 'static,
@@ -60,7 +60,7 @@ pub(crate) fn interruptible<T: Send + 'static>(
         let _ = sender.send(work(&of_thread));
     });
     loop {
-        // Moved in and out: a receiver is of one thread at a time.
+        // Moved in and out, because two threads cannot share a receiver.
         let received;
         (received, receiver) = py.detach(move || (receiver.recv_timeout(LOOK), receiver));
         match received {

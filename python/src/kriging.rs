@@ -18,7 +18,7 @@ fn option<T: DeserializeOwned>(key: &str, name: &str) -> PyResult<T> {
         .map_err(|error| PitchlineError::new_err(format!("{key} is {name:?}: {error}")))
 }
 
-/// Correlations with observations that take a tenth of a second.
+/// Number of correlations with observations that are computed in a tenth of a second.
 const LONG: usize = 5_000_000;
 
 /// A fitted model.
@@ -34,8 +34,8 @@ impl Model {
         }
     }
 
-    /// What `work` finds at the rows of `x`, for each of which it computes `times` predictions; an error unless they have
-    /// as many coordinates as the model. Long work has a copy of the rows, since it goes on for a while after Ctrl-C.
+    /// The result of `work` on the rows of `x`, with `times` predictions for each; an error unless they have as many
+    /// coordinates as the model. Long work gets a copy of the rows, since it continues for a while after Ctrl-C.
     fn at<T: Send + 'static>(
         &self,
         py: Python<'_>,
@@ -135,7 +135,7 @@ impl Model {
         Ok((of(|one| one.mean), of(|one| one.variance)))
     }
 
-    /// The means of the modelled quantity and their covariance; `None` of the approximate method.
+    /// The means of the modelled quantity and their covariance; `None` for the approximate method.
     fn joint<'py>(
         &self,
         py: Python<'py>,
@@ -159,7 +159,7 @@ impl Model {
         Ok(Some((means.into_pyarray(py), covariance)))
     }
 
-    /// The gradients of the mean, one row a point; `None` of the approximate method.
+    /// The gradients of the mean, one row per point; `None` for the approximate method.
     fn gradients<'py>(
         &self,
         py: Python<'py>,

@@ -1,5 +1,6 @@
-//! The compiled part of the Python package `pitchline`. What users see, with defaults and documentation, is in
-//! `pitchline/`; here arrays and texts become the arguments of the workspace's crates, and results arrays.
+//! The compiled part of the Python package `pitchline`. The public interface, with defaults and documentation, is in
+//! `pitchline/`. This crate converts arrays and texts to arguments of the workspace's crates, and their results to
+//! arrays.
 
 mod arrays;
 mod doe;

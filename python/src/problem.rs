@@ -34,10 +34,10 @@ pub(crate) struct Problem(Arc<Formulation>);
 /// A name and a unit.
 type Named = (String, String);
 
-/// The numbers of one design after another, and why a design has none.
+/// The numbers of all designs, one design after another, and for each design the reason why it has none.
 type Found = (Vec<f64>, Vec<Option<String>>);
 
-/// What `numbers` gives for each design, `width` numbers; NaN and the reason where it is refused.
+/// The result of `numbers` for each design, `width` numbers; NaN and the reason for a refused design.
 fn of_each(
     problem: &Formulation,
     designs: &[Design],
@@ -47,7 +47,7 @@ fn of_each(
 ) -> Result<Found, String> {
     let one = |(index, design): (usize, &Design)| {
         if stopping.is_asked() {
-            // Nobody waits for the result any more.
+            // The result is no longer wanted.
             return Ok((Vec::new(), None));
         }
         match problem.prepare(design).and_then(|one| numbers(index, one)) {

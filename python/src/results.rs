@@ -1,4 +1,4 @@
-//! What a store holds, read only.
+//! The contents of a store, read only.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -38,7 +38,7 @@ pub(crate) struct Store {
 }
 
 impl Store {
-    /// What `read` finds in the store, which is open meanwhile.
+    /// The result of `read` on the store, which is open meanwhile.
     fn read<T: Send + 'static>(
         &self,
         py: Python<'_>,
@@ -60,7 +60,7 @@ impl Store {
     }
 }
 
-/// The table of this name; the model is none.
+/// The table of this name. The model is not a table.
 fn table_of(name: &str) -> PyResult<export::Table> {
     let tables = export::Table::value_variants().iter();
     let tables = tables.filter(|&&table| table != export::Table::Model);
@@ -137,7 +137,7 @@ impl Store {
         Table::new(columns)
     }
 
-    /// What the verification samples of each optimum count as in the measure, by approach.
+    /// The numbers that the verification samples of each optimum count as in the measure, by approach.
     fn verification<'py>(
         &self,
         py: Python<'py>,
@@ -257,7 +257,7 @@ impl Table {
         py: Python<'py>,
         requested_schema: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyCapsule>> {
-        // The interface lets a producer ignore the wish.
+        // The interface allows a producer to ignore the requested schema.
         let _ = requested_schema;
         let schema = self.rows.schema();
         let rows = RecordBatchIterator::new([Ok(self.rows.clone())], schema);
@@ -277,8 +277,8 @@ impl Table {
         self.rows.num_rows()
     }
 
-    /// The values of the column at this place: an array of numbers, NaN where one is missing, or a list of texts.
-    /// Whole numbers of which none is missing stay whole.
+    /// The values of the column at this place: an array of numbers, NaN where one is missing, or a list of texts. Whole
+    /// numbers stay whole if none is missing.
     fn column<'py>(&self, py: Python<'py>, place: usize) -> PyResult<Bound<'py, PyAny>> {
         let values = self.rows.column(place).as_any();
         if let Some(numbers) = values.downcast_ref::<Float64Array>() {

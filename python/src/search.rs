@@ -1,4 +1,4 @@
-//! Searches of CMA-ES that ask and are told.
+//! CMA-ES searches with an ask-and-tell interface.
 
 use cmaes::{Bounds, CmaEs, Evaluation, Options, RunOptions};
 use numpy::{IntoPyArray as _, PyArray1, PyArray2, PyArrayMethods as _};

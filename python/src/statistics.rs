@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use crate::arrays::{Vector, numbers};
 use crate::error::{PitchlineError, raised};
 
-/// The names of measures, with what their number is.
+/// The names of the measures, with the meaning of their number.
 const MEASURES: &str = "percentile (level), mean, mean-plus-sd (k), tail-mean (level), lower-tail-mean (level) or \
                         exceedance (limit)";
 
@@ -62,7 +62,7 @@ pub(crate) fn difference(
     Ok(found.map_err(raised)?.map(interval))
 }
 
-/// The measure of few samples: its value, the variance of it, whether a normal response was assumed, and the
+/// The measure of few samples: its value, the variance of this value, whether a normal response was assumed, and the
 /// p-value of normality.
 #[pyfunction]
 pub(crate) fn estimate(

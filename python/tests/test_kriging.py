@@ -47,7 +47,7 @@ def test_predictions_are_those_of_scikit_learn_with_the_same_parameters(table, m
     mean, sd = model.predict(at, return_std=True)
     expected, expected_sd = peer.predict(at, return_std=True)
     assert mean == pytest.approx(expected + model.mean_, abs=1e-9)
-    # Ours has the variance of the estimated mean in it.
+    # Ours includes the variance of the estimated mean.
     assert (sd > expected_sd - 1e-9).all()
     assert sd == pytest.approx(expected_sd, rel=0.05)
 

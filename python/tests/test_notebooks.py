@@ -12,7 +12,7 @@ def test_a_notebook_runs(file):
     notebook = nbformat.read(file, as_version=4)
     client = nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": file.parent}})
     client.execute()
-    # Without outputs a change of a notebook can be read.
+    # The diff of a notebook is readable if the notebook has no outputs.
     assert all(not cell.get("outputs") for cell in nbformat.read(file, as_version=4).cells)
 
 
