@@ -78,7 +78,7 @@ impl Case {
         self.sandbox.status(db).expect("the store is there")
     }
 
-    /// What two campaigns with the same results have in common.
+    /// The results that are equal in two equal campaigns.
     fn results(&self, db: &str) -> (Vec<Value>, String) {
         let status = self.status(db);
         let keys = [

@@ -1,4 +1,4 @@
-//! Machines that cannot run the simulator: what is their fault is no failure of a design.
+//! Machines that cannot run the simulator: their faults are not failures of a design.
 
 use acceptance::{Sandbox, assert_code, errors, root};
 use serde_json::Value;

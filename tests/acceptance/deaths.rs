@@ -103,8 +103,8 @@ fn a_run_with_a_deadly_design_ends() {
     }
 }
 
-/// Serves the campaign to workers of which each that dies is replaced, with a folder for its notes or a new one each time,
-/// as on another machine. Returns the number of deaths.
+/// Serves the campaign to a worker, which is replaced whenever it dies. With `has_notes` all of them have the same
+/// folder for their notes, otherwise each has a new one, as on another machine. Returns the number of deaths.
 fn deaths(sandbox: &Sandbox, slots: &str, deadly: &[u32], has_notes: bool) -> usize {
     let place = Place::new(sandbox, CAMPAIGN);
     let exec = exec(sandbox, deadly);

@@ -1,4 +1,4 @@
-//! What `deploy/` holds: its files agree with the programs, and its scripts run.
+//! The files in `deploy/` agree with the programs, and its scripts run.
 
 mod containers;
 mod services;

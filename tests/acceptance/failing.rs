@@ -152,8 +152,8 @@ fn failed_samples_count_as_the_policy_says() {
     assert!(differ > 0);
 }
 
-/// What failed in every attempt, and counts as failed, is computed again by a program that has been repaired; all
-/// that rests on it follows.
+/// Samples that failed in every attempt, and count as failed, are computed again by a repaired program, and so are all
+/// results that depend on them.
 #[test]
 fn failures_that_are_results_are_computed_again_when_that_is_asked_for() {
     let changes = [
@@ -184,7 +184,7 @@ fn failures_that_are_results_are_computed_again_when_that_is_asked_for() {
         assert!(warnings.contains(doubt), "{doubt}: {warnings}");
     }
     case.exec = case.exec.replace("error 0.1", "repaired");
-    // The same command keeps what it has.
+    // The same command keeps its results.
     let kept = tables(&case);
     assert_code(&case.run("2", &[]), 0);
     assert_eq!(tables(&case), kept);

@@ -1,6 +1,6 @@
 //! The user's guide: its commands run, its links lead somewhere, and its reference is that of the code.
 //!
-//! What a fenced block of a page is says the line that opens it:
+//! The line that opens a fenced block of a page says what the block is:
 //!
 //! | block | what the test does |
 //! |---|---|
@@ -12,8 +12,8 @@
 //! | `toml merge=NAME` | puts the sections in the place of those of the file, and checks the campaign |
 //! | `text` | nothing |
 //!
-//! A page has one folder, with the repository's `campaigns` in it, and its blocks follow one another. Port 7400 of a page
-//! stands for a free one. Pages that begin with the campaign that `init` writes share one run of it.
+//! A page has one folder, with the repository's `campaigns` in it, and its blocks follow one another. Port 7400 of a
+//! page stands for a free one. Pages that begin with the campaign that `init` writes share one run of it.
 
 mod reference;
 
@@ -25,9 +25,10 @@ use std::sync::OnceLock;
 
 use acceptance::{Sandbox, free_address, programs, root, skipped};
 
-/// A block may take so long: many times what it takes, also on a busy machine.
+/// Time limit of a block: many times its usual time, for busy machines.
 const SECONDS: &str = "600";
-/// The commands with which many pages begin. One page runs them; the others have the store of one run, and write its report.
+/// The commands with which many pages begin. One page runs them; the others have the store of one run, and write its
+/// report.
 const BEGIN: &str =
     "$ coordinator init my.toml\n$ coordinator run my.toml --db my.db --out my-report\n";
 
@@ -43,7 +44,7 @@ fn read(path: &Path) -> String {
 struct Block {
     /// The page and the line that opens the block, for messages.
     place: String,
-    /// The words behind the fence.
+    /// The words after the fence.
     words: Vec<String>,
     /// The last line before the block that is not empty.
     before: String,
@@ -143,7 +144,7 @@ fn missing<'a>(shown: &[&'a str], printed: &str) -> Option<&'a str> {
         .find(|shown| !lines.any(|line| agrees(shown, line)))
 }
 
-/// Whether a program, a Python module or, with `r:` before it, an R package of this name is there.
+/// Whether a program, a Python module or, with `r:` before it, an R package of this name is installed.
 fn is_installed(name: &str) -> bool {
     let test = match name.strip_prefix("r:") {
         Some(package) => format!("Rscript -e 'library({package})'"),
@@ -203,7 +204,7 @@ fn sections(text: &str) -> Vec<String> {
     sections
 }
 
-/// The header of a section, without what follows it on its line.
+/// The header of a section, without the rest of its line.
 fn header(section: &str) -> &str {
     section.split(']').next().unwrap_or_default()
 }
@@ -282,7 +283,7 @@ fn check(sandbox: &Sandbox, block: &Block, port: u16) {
     }
 }
 
-/// The page without what the reference test compares.
+/// The page without the parts that the reference test compares.
 fn written_by_hand(text: &str) -> String {
     let mut parts = text.split(reference::BEGIN);
     let mut kept = parts.next().unwrap_or_default().to_owned();
@@ -380,7 +381,7 @@ fn links(text: &str) -> impl Iterator<Item = &str> {
         .filter(|target| !target.contains("://"))
 }
 
-/// What a heading is called in links, as mdBook and GitHub make it.
+/// The anchor of a heading in links, as mdBook and GitHub make it.
 fn anchor(heading: &str) -> String {
     let kept = heading.trim().chars().filter_map(|c| match c {
         ' ' => Some('-'),

@@ -153,7 +153,7 @@ fn a_worker_whose_coordinator_is_gone_says_so_and_leaves() {
 fn a_worker_that_waits_for_its_first_coordinator_says_so_and_leaves() {
     let sandbox = Sandbox::new();
     let place = Place::long(&sandbox);
-    // A batch script has options of its own; those of its user come after them, and count.
+    // A batch script has its own options; those of its user come after them, and take precedence.
     let patience = ["--connect-timeout", "600", "--connect-timeout", "12"];
     let none = [&["--access", "none.access"], &patience[..]].concat();
     let early = sandbox.start("worker", &none);

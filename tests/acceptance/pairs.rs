@@ -1,4 +1,4 @@
-//! `simulate` with pairs that are not as usual: unusual sizes, infeasible optima, pairs in REXS.
+//! `simulate` with unusual pairs: unusual sizes, infeasible optima, pairs in REXS.
 
 use acceptance::{FIGURE_7, Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;

@@ -29,7 +29,7 @@ fn baseline(status: &Value) -> &Value {
         .expect("an optimum")
 }
 
-/// The percentile of verified designs followed m + z s: 8.28 [8.22; 8.34] where 9.605 is true.
+/// Regression test: the percentile of verified designs was m + z s, 8.28 [8.22; 8.34] where 9.605 is true.
 #[test]
 fn a_verified_percentile_is_right_where_the_response_is_not_normal() {
     // 5 + the quantile: −ln 0.01; exp 2.3263; 1, the middle of the upper mode; Φ⁻¹(0.9/0.94).

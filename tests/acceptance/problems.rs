@@ -316,8 +316,8 @@ fn the_beams_published_optimum_of_reliability_is_found() {
     let run = through_files(&sandbox, "reliability.toml", BEAM, ("beam.in", "beam.out"));
     assert_code(&run, 0);
     let of = |column: &str| percentile(&sandbox, "kriging", column);
-    // The published area is 9.5202 in². Each limit is kept with a probability of 95 % by the models of 2000 samples, which
-    // costs some area.
+    // The published area is 9.5202 in². Each limit is kept with a probability of 95 % by the models of 2000 samples,
+    // which costs some area.
     let area = of("expected");
     assert!((9.50..9.75).contains(&area), "{area}");
     // Both fail in 0.135 % at the published optimum.
@@ -373,7 +373,8 @@ fn a_welded_beam_is_kept_away_from_four_limits() {
     assert!(percentile(&sandbox, "enriched-kriging", "cost") <= 3.0);
 }
 
-/// Eleven limits that each hold in 99.865 % of all cases, and a whole number of teeth. The published optimum is 3038.6 cm³.
+/// Eleven limits that each hold in 99.865 % of all cases, and a whole number of teeth. The published optimum is 3038.6
+/// cm³.
 #[test]
 fn the_smallest_speed_reducer_has_whole_teeth_and_keeps_eleven_limits() {
     let sandbox = Sandbox::new();

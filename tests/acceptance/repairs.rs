@@ -1,5 +1,5 @@
-//! Campaigns in which everything fails, some of it fails, or nothing can be found: what they say, and that
-//! the same command again repairs them.
+//! Campaigns in which everything fails, part of it fails, or nothing can be found: their messages, and their repair by
+//! the same command.
 
 use acceptance::{Sandbox, assert_code, changed, printed, python, small_campaign};
 use serde_json::Value;
@@ -148,7 +148,7 @@ fn what_was_learned_without_a_quarantined_design_is_learned_again() {
     assert_eq!(status["enrichment"]["ended"], true, "{status}");
     let warning = status["warnings"][0].as_str().expect("a warning");
     assert!(warning.contains("ended without samples of"), "{warning}");
-    // What fails again is still missing.
+    // Results that fail again are still missing.
     case.run("c.db", 13);
     case.sandbox.write("licence", "");
     case.assert_repaired("c.db");
@@ -168,7 +168,7 @@ fn a_campaign_without_a_feasible_design_has_an_exit_code_of_its_own() {
     }
 }
 
-/// "No feasible design, 0 of 0 verification samples" was said of an approach whose model could not be fitted.
+/// Regression test: an approach whose model could not be fitted had "no feasible design, 0 of 0 verification samples".
 #[test]
 fn an_approach_without_a_model_says_why() {
     let case = Case::new("False", "0", &[]);
@@ -191,7 +191,7 @@ fn an_approach_without_a_model_says_why() {
     );
 }
 
-/// What is discarded is computed again, and the results are those of before.
+/// Discarded results are computed again and equal the earlier ones.
 #[test]
 fn discarded_results_are_computed_again() {
     let sandbox = Sandbox::new();

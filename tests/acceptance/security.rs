@@ -526,7 +526,7 @@ fn on_loopback_too_a_call_without_a_token_is_refused() {
         &stranger.coordinator(&[&["drain"][..], &connect].concat()),
         11,
     );
-    // A client of one's own making.
+    // A client made by hand.
     let mut stream = TcpStream::connect(&address).unwrap();
     stream
         .write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n")

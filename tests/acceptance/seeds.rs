@@ -59,7 +59,7 @@ fn a_response_that_is_constant_in_some_designs_is_no_warning() {
     assert!(status.get("warnings").is_none(), "{status}");
 }
 
-/// With one worker, nobody compared its answers.
+/// Regression test: the answers of a single worker were not compared with any others.
 #[test]
 fn a_program_with_random_effects_of_its_own_is_refused() {
     let (code, said, _, _) = campaign_with("y+.1*random.Random().gauss(0,1)");

@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::campaign::{digest, export};
 
-/// Plans the present stage into a folder of this name; its parts' names, or none if nothing is left.
+/// Plans the present stage into a folder of this name. Returns the names of its parts, none if nothing is left.
 fn plan(sandbox: &Sandbox, folder: &str, shards: &str) -> Vec<String> {
     let output = sandbox.coordinator(&[
         "plan",
@@ -69,7 +69,7 @@ fn shards_give_the_results_of_a_connected_campaign() {
             .map(|shard| compute(&sandbox, shard))
             .collect();
         assert_code(&merge(&sandbox, &parts), 0);
-        // Again: harmless.
+        // Merging the same parts again changes nothing.
         assert_code(&merge(&sandbox, &parts), 0);
         stages += 1;
         assert!(stages < 10, "no end in sight");
@@ -104,7 +104,7 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
         errors(&output)
     );
 
-    // Damage in the middle, and a file that is none.
+    // Damage in the middle of a part, and a file that is not a part.
     let whole = std::fs::read(sandbox.path(&parts[1])).unwrap();
     let header = whole.iter().position(|byte| *byte == b'\n').unwrap();
     let mut damaged = whole.clone();
@@ -126,7 +126,7 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
         errors(&output)
     );
 
-    // Another campaign's.
+    // A part of another campaign.
     sandbox.write(
         "other.toml",
         &small_campaign(30, 8).replacen("seed = ", "seed = 1", 1),
@@ -152,7 +152,7 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
     );
     assert_eq!(samples(), 0, "a refused merge stores nothing");
 
-    // A missing one is named, and the rest is stored.
+    // A missing part is named, and the others are stored.
     let output = merge(&sandbox, &parts[..2]);
     assert_code(&output, 13);
     assert!(

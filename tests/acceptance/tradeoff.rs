@@ -26,7 +26,7 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     for study in STUDIES {
         let line = lines.lines().find(|line| line.starts_with(study));
         let line = line.unwrap_or_else(|| panic!("no line of {study} in\n{lines}"));
-        // The time of a sample is no choice.
+        // No choice can be recommended for the time of a sample.
         let says = if study == "runner" {
             "The least time"
         } else {

@@ -1,4 +1,5 @@
-//! The bracket that `init --external` writes: as a model of UM-Bridge servers, which the Python package `umbridge` runs, and with a budget. The gears of a campaign as a model for the client of that package.
+//! The bracket that `init --external` writes, with a budget, and as a model of UM-Bridge servers, which the Python
+//! package `umbridge` runs. The gears of a campaign, as a model for the client of that package.
 
 use std::net::{SocketAddr, TcpStream};
 use std::process::{Child, Command, Stdio};
@@ -114,7 +115,7 @@ fn a_model_of_a_server_gives_the_samples_of_the_same_program() {
         of_program["optima"][0]["limits"]
     );
 
-    // One of two servers is away.
+    // One of the two servers has ended.
     drop(other);
     let of_one = run("one", &served(&both, ""));
     assert_eq!(of_one["samples_digest"], of_program["samples_digest"]);
@@ -273,7 +274,7 @@ fn a_campaign_ends_with_its_budget_and_continues_with_a_larger_one() {
     );
     let held = sandbox.status("i.db").expect("the store is there");
     assert_eq!(held["finished"], false, "{held}");
-    // What was leased by then is finished, which may be all samples of the DoE.
+    // Jobs that were leased by then are finished, which may be all samples of the DoE.
     assert_eq!(held["optima"].as_array().map(Vec::len), Some(0), "{held}");
     // The next command ends at once, until the budget is larger.
     assert_code(&run("small", "i.db", "\n[budget]\ncalls = 100\n"), 17);

@@ -215,8 +215,8 @@ fn replicates_are_left_out_together() {
     assert!((q2 + 0.108).abs() < 0.01, "{near}");
 }
 
-/// 12 000 rows with noise that nobody knows, of standard deviation 0.01: the intervals of new observations cover
-/// them as they say, and a signal ends the fit at once.
+/// 12 000 rows with unknown noise of standard deviation 0.01: the intervals of new observations have their stated
+/// coverage, and a signal ends the fit at once.
 #[test]
 fn many_rows_with_unknown_noise_are_fitted() {
     let sandbox = Sandbox::new();

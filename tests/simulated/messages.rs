@@ -321,8 +321,7 @@ fn no_message_breaks_the_service() {
     });
 }
 
-/// A worker that knows this releases what it has not started, so that the coordinator can end
-/// sooner.
+/// A worker that knows this releases the jobs that it has not started, so that the coordinator can end sooner.
 #[test]
 fn a_heartbeat_says_whether_jobs_are_leased_at_all() {
     let problem = Problem::new(campaign());

@@ -9,10 +9,10 @@ use std::time::{Duration, Instant};
 
 use crate::{Sandbox, programs, root, skipped};
 
-/// How long a script may take to end.
+/// Time limit for the end of a script.
 const LAST_MOMENTS: Duration = Duration::from_secs(20);
 
-/// What a script of `tests/deploy` started, in namespaces of its own.
+/// The processes that a script of `tests/deploy` started, in namespaces of their own.
 #[derive(Debug)]
 pub struct IsolatedScript {
     /// `unshare`: the namespaces end with it.
@@ -23,8 +23,8 @@ pub struct IsolatedScript {
 }
 
 impl IsolatedScript {
-    /// Starts `tests/deploy/SCRIPT FOLDER` and waits until it says `ready`. Nothing, where it says
-    /// `skipped: WHY` or namespaces cannot be made; that is said then.
+    /// Starts `tests/deploy/SCRIPT FOLDER` and waits until it says `ready`. `None`, with a message, if it says
+    /// `skipped: WHY` or namespaces cannot be created.
     ///
     /// # Panics
     ///

@@ -66,8 +66,8 @@ impl Engine<'_> {
     }
 }
 
-/// Debian as in the image of that name, as far as the Dockerfile needs it; nothing where no Debian
-/// packages can be had.
+/// Debian as in the image of that name, as far as the Dockerfile needs it; `None` where no Debian packages are
+/// available.
 fn debian(sandbox: &Sandbox) -> Option<String> {
     let archive = sandbox.path("debian.tar").display().to_string();
     let packages = "base-files,libc6,libc-bin,libgcc-s1,bash,dash,coreutils,grep,findutils";
@@ -85,7 +85,7 @@ fn debian(sandbox: &Sandbox) -> Option<String> {
     None
 }
 
-/// Copies both programs without their symbols; returns how many bytes that makes.
+/// Copies both programs without their symbols; returns their size in bytes.
 fn strip_into(from: &Path, to: &Path) -> u64 {
     let sizes = ["coordinator", "worker"].map(|program| {
         let copy = to.join(program);

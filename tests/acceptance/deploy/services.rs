@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use acceptance::isolated::{IsolatedScript, documented};
 use acceptance::{Sandbox, assert_code, errors, printed, programs, root, small_campaign};
 
-/// How long a service manager may take for anything.
+/// Time limit of every operation of a service manager.
 const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Where a user's state is for systemd before 254; `systemd.sh` tells later ones to keep it there, too.
@@ -42,7 +42,7 @@ impl Manager<'_> {
         self.run(&[&["systemctl", "--user"], arguments].concat())
     }
 
-    /// What the manager says of a unit.
+    /// A property of a unit.
     fn property(&self, unit: &str, name: &str) -> String {
         let shown = self.systemctl(&["show", unit, "--value", "--property", name]);
         shown.trim().to_owned()
@@ -67,7 +67,7 @@ impl Manager<'_> {
 #[test]
 fn user_services_survive_kills_stops_and_restarts() {
     let sandbox = Sandbox::new();
-    // The user has to get in.
+    // The user must be able to enter the folder.
     let open = std::fs::Permissions::from_mode(0o755);
     std::fs::set_permissions(sandbox.path("."), open).unwrap();
     let Some(daemon) = IsolatedScript::start("systemd.sh", &sandbox.path("user"), &[]) else {
@@ -100,7 +100,7 @@ fn user_services_survive_kills_stops_and_restarts() {
         manager.wait_for(unit, "ActiveState", "active");
     }
     manager.wait_for_samples(100_000);
-    // Asked to leave, both end well: a unit that did not would be "failed".
+    // Both end well when they are stopped; otherwise the unit would be "failed".
     for unit in BOTH {
         manager.systemctl(&["stop", unit]);
         assert_eq!(manager.property(unit, "ActiveState"), "inactive", "{unit}");

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::example::{campaign, program};
 
-/// How long anything may take that Slurm does: it looks at its queue every few seconds.
+/// Time limit of every operation of Slurm, which looks at its queue every few seconds.
 const PATIENCE: Duration = Duration::from_secs(90);
 
 struct Cluster<'s> {
@@ -17,7 +17,7 @@ struct Cluster<'s> {
     daemons: IsolatedScript,
 }
 
-/// Kills all that runs on a node with the node's daemon, and tells Slurm, which would find out after five
+/// Kills all processes of a node with the node's daemon, and tells Slurm, which would otherwise notice after five
 /// minutes.
 const LOSE_NODE: &str = r#"
 for process in /proc/[0-9]*; do
@@ -67,7 +67,7 @@ impl<'s> Cluster<'s> {
 
     /// Submits a coordinator of `campaign`.
     fn coordinator(&self, campaign: &str) -> String {
-        // Short leases: what a lost node holds goes to others soon.
+        // Short leases, so that the jobs of a lost node go to others soon.
         let options = ["--lease", "5", "--listen", "127.0.0.1:0"];
         self.submit(
             &[],
@@ -88,7 +88,7 @@ impl<'s> Cluster<'s> {
         )
     }
 
-    /// What Slurm says of a job, such as `JobState`.
+    /// A field of a job in Slurm, such as `JobState`.
     fn field(&self, job: &str, name: &str) -> String {
         let job = self.run(&["scontrol", "show", "job", "--oneliner", job]);
         let fields = job.split_whitespace().filter_map(|f| f.split_once('='));
@@ -105,7 +105,7 @@ impl<'s> Cluster<'s> {
         }
     }
 
-    /// Waits until a job has ended like that: its state and its exit code.
+    /// Waits until a job has ended with this state and exit code.
     fn assert_end(&self, job: &str, end: &str) {
         let field = |name| self.field(job, name);
         self.wait_until(&format!("job {job} that ended with {end}"), || {
@@ -119,7 +119,7 @@ impl<'s> Cluster<'s> {
         });
     }
 
-    /// What the jobs wrote.
+    /// The output of the jobs.
     fn logs(&self) -> String {
         let all = std::fs::read_dir(self.sandbox.path(".")).expect("a folder");
         let logs = all
@@ -287,7 +287,7 @@ fn whatever_slurm_ends_finished_samples_stay_and_nobody_is_blamed() {
     cluster.wait_until_requeued(&preempted);
     cluster.assert_end(urgent.trim(), "COMPLETED 0:0");
     failures("preempted");
-    // The coordinator's node is wanted for something else: it goes on elsewhere.
+    // The coordinator's node is needed otherwise, so the coordinator continues on another node.
     let before = sandbox.status("disk/n1/campaign.db").unwrap();
     assert_eq!(before["finished"], false, "the campaign was too short");
     cluster.run(&[

@@ -15,7 +15,7 @@ fn three_lines_start_a_worker_on_another_machine() {
     let file = sandbox.write("my.toml", &named);
     std::fs::create_dir(sandbox.path("target")).unwrap();
     symlink(programs(), sandbox.path("target/release")).unwrap();
-    // As a user has it: the coordinator runs, then come the lines.
+    // As for a user, the coordinator runs before the lines are typed.
     let commands = documented("Two machines and ssh");
     assert_eq!(commands.lines().count(), 3, "{commands}");
     let typed = format!(

@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use super::{merged, pages, read, run};
 
-/// What opens a part of a page that is compared; a name and `-->` follow.
+/// The opening of a part of a page that is compared; a name and `-->` follow.
 pub(super) const BEGIN: &str = "<!-- generated: ";
 pub(super) const END: &str = "<!-- end of the generated part -->";
 
@@ -48,7 +48,7 @@ fn compare(page: &str, part: &str, expected: &str) {
     );
 }
 
-/// A kind of file: its schema, and what its parser says.
+/// A kind of file: its schema, and its parser.
 struct Format<'a> {
     /// The schema that defines the types.
     schema: &'a Value,
@@ -111,7 +111,7 @@ fn names(node: &Value) -> Vec<(&str, String)> {
         .collect()
 }
 
-/// What a value is called.
+/// The kind of a value, in words.
 fn kind(node: &Value) -> String {
     if let Some(title) = node["title"].as_str() {
         return title.replace('|', "\\|");
@@ -234,7 +234,7 @@ fn without(default: &Value, section: &Value) -> String {
     }
 }
 
-/// A section's words without its own name.
+/// The description of a section, without the section's name.
 fn about(text: &str) -> String {
     let Some((_, text)) = text
         .strip_prefix("`[")
@@ -381,7 +381,7 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, String> {
     found
 }
 
-/// The meanings on a page, by what a table is of and the name of the row.
+/// The meanings on a page, by the heading of the table and the name of the row.
 fn meanings(page: &str) -> BTreeMap<(String, String), String> {
     let mut table = String::new();
     let mut meanings = BTreeMap::new();
@@ -397,7 +397,7 @@ fn meanings(page: &str) -> BTreeMap<(String, String), String> {
     meanings
 }
 
-/// A table of columns with what the page says of each.
+/// A table of columns with the meaning of each from the page.
 fn columns(heading: &str, columns: &[(String, String)]) -> String {
     let known = meanings("tables.md");
     let mut out = format!("### {heading}\n\n| column | unit or type | meaning |\n|---|---|---|\n");
@@ -418,7 +418,7 @@ fn columns(heading: &str, columns: &[(String, String)]) -> String {
     out
 }
 
-/// The unit that the end of a column's name says.
+/// The unit at the end of a column's name.
 fn unit(column: &str) -> &'static str {
     let units = [
         ("_um2", "µm²"),
@@ -517,7 +517,7 @@ fn the_exit_codes_are_those_of_the_code() {
     compare("exit-codes.md", "exit codes", out.trim_end());
 }
 
-/// What a program prints with `-h`, without what the pages on variables and exit codes say.
+/// The output of a program with `-h`, without the parts that the pages on variables and exit codes have.
 fn help(sandbox: &Sandbox, command: &str) -> String {
     let (code, text) = run(sandbox, &format!("{command} -h"));
     assert_eq!(code, Some(0), "{text}");
@@ -536,7 +536,7 @@ fn the_commands_are_those_of_the_programs() {
     let commands = out.lines().skip_while(|line| *line != "Commands:").skip(1);
     let commands: Vec<String> = commands
         .take_while(|line| line.starts_with("  "))
-        // What follows a long line is indented.
+        // Continuations of a long line are indented.
         .filter(|line| !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
         .filter(|name| *name != "help")

@@ -248,14 +248,14 @@ impl Course {
                 self.phase = Phase::Away(Duration::ZERO);
                 Ok(false)
             }
-            // What failed in an outage is a result there, until it is computed again.
+            // A failure in an outage is a result there, until it is computed again.
             (Kind::Problem | Kind::Files, _, 0) if cluster.has_failed => {
                 cluster.outage(None)?;
                 cluster.retries_failed = true;
                 Ok(false)
             }
             (_, _, 0) => Ok(true),
-            // The same command again repairs what an outage has left.
+            // The same command repairs the effects of an outage.
             (kind, _, 13) if kind.has_outages() => {
                 cluster.outage(None)?;
                 Ok(false)

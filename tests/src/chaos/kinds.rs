@@ -218,7 +218,7 @@ fn external(is_precise: bool) -> String {
     let changes = [
         ("probe_designs = 3", "probe_designs = 0\nretry_s = 2.0"),
         ("designs = 60", "designs = 24"),
-        // What fails is to be mended.
+        // Failures quarantine their design, so that a retry can compute it.
         (
             "[sampling]\n",
             "[sampling]\nfailed = \"quarantines-design\"\n",
@@ -229,8 +229,8 @@ fn external(is_precise: bool) -> String {
     changed(&text, &changes)
 }
 
-/// The example of a problem without gears, with infill. What fails in an outage is a result at once, until the
-/// campaign is told to compute it again. The other form has discrete variables, another measure and a design of its own.
+/// The example of a problem without gears, with infill. A failure in an outage is a result at once, until the campaign
+/// is told to compute it again. The other form has discrete variables, another measure and a design of its own.
 fn problem(is_shipped: bool) -> String {
     let text = change(&shipped("ishigami"), "designs = 150", "designs = 60");
     let text = match is_shipped {
@@ -259,7 +259,8 @@ fn problem(is_shipped: bool) -> String {
 }
 
 /// The example of a program that communicates through files, with infill, a constraint, and a second response with a
-/// constraint on its samples. The campaign says in which lines the numbers are, and knows samples and areas of designs of its own.
+/// constraint on its samples. The campaign states in which lines the numbers are, and has designs of its own with known
+/// samples and areas.
 fn files() -> String {
     let changes = [
         (

@@ -96,7 +96,7 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    /// Starts a command again until it ends by itself. Returns what the attempt that did came with.
+    /// Repeats a command until it ends by itself. Returns the value that came with its last attempt.
     fn until_ended<T>(
         &mut self,
         name: &str,

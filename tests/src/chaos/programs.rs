@@ -173,7 +173,8 @@ impl Programs {
         command
     }
 
-    /// The command of a worker that has neither the simulator nor a folder for its runs; none for the built-in simulator.
+    /// The command of a worker that has neither the simulator nor a folder for its runs; `None` for the built-in
+    /// simulator.
     pub(crate) fn broken_worker(
         &self,
         folder: &Path,
@@ -191,7 +192,7 @@ impl Programs {
         Some(command)
     }
 
-    /// Whether the check of a store finds it sound, with its status.
+    /// The status of a store with its check; `None` if the check finds damage.
     pub(crate) fn check(&self, folder: &Path, db: &str) -> Result<Option<Value>, Violation> {
         let mut command = self.command("coordinator", folder, "off");
         command.args(["status", "--db", db, "--check", "--json"]);
@@ -248,7 +249,7 @@ impl Programs {
         command
     }
 
-    /// The command that writes what is left of a campaign as shards.
+    /// The command that writes the remaining jobs of a campaign as shards.
     pub(crate) fn plan(&self, folder: &Path, file: &Path, shards: u32, out: &Path) -> Command {
         let mut command = self.command("coordinator", folder, "info");
         command.arg("plan").arg(file);

@@ -18,7 +18,7 @@ import simulator
 
 SEED = sys.argv[1]
 LOCKED = [float(text) for text in sys.argv[2:4]]
-# Of 256: the designs that fail, the samples of these at which they may, and the other calls.
+# Shares, of 256: the designs that fail, the samples of these at which they may fail, and the other calls that fail.
 DESIGNS, SAMPLES, CALLS = 30, 12, 2
 
 
