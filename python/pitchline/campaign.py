@@ -165,7 +165,7 @@ class Campaign:
         parallel: int = 1,
         out: str | os.PathLike[str] | None = None,
     ) -> Iterator[Evaluations]:
-        """Runs the campaign with simulations that happen elsewhere: the campaign asks for evaluations, the caller tells them.
+        """Runs the campaign with simulations that happen elsewhere: it asks for evaluations, the caller tells them.
 
         Leaving the context before the end stops the campaign. The same call continues it, and repeats the requests
         that were not answered, or were answered in the last second. ``probe_designs = 0`` in ``[simulator]`` leaves

@@ -16,7 +16,7 @@ for program in munged slurmctld slurmd ip; do
 done
 host=$(hostname -s)
 ip link set lo up
-# The resolver takes a machine that has no address but loopback's to be without a network.
+# The resolver assumes that a machine whose only address is loopback has no network.
 ip addr add 10.77.2.1/32 dev lo
 # munged refuses a socket in a folder that others cannot enter.
 mount -t tmpfs none /run
@@ -25,7 +25,8 @@ head -c 128 /dev/urandom >"$dir/munge.key"
 chmod 600 "$dir/munge.key"
 # slurmd asks for control groups from 23.02 on, even where nothing here uses them.
 case $(slurmctld -V) in *" 22."* | *" 21."*) ;; *) echo CgroupPlugin=disabled >"$dir/cgroup.conf" ;; esac
-# cred_expire is how long a requeued job is held: 120 s unless it is set, and not less than 5 s. KillWait is that of most sites, shortened.
+# cred_expire is the time for which a requeued job is held: 120 s by default, and at least 5 s. KillWait is shorter than
+# on most sites.
 cat >"$dir/slurm.conf" <<CONF
 ClusterName=simulated
 SlurmctldHost=$host(127.0.0.1)

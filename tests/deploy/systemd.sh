@@ -13,7 +13,7 @@ set -euo pipefail
 dir=$1
 [ -x /lib/systemd/systemd ] || { echo "skipped: systemd is not installed"; exit 0; }
 ip link set lo up
-# The manager wants a machine that systemd has booted, with what its init would have put there.
+# The manager needs a machine that systemd has booted, with the files that its init would have created.
 mount -t tmpfs none /run
 mkdir -p /run/systemd/system /run/systemd/inaccessible/dir /run/user/1000
 (

@@ -120,7 +120,7 @@ impl Drop for IsolatedScript {
 ///
 /// # Panics
 ///
-/// When there is no such section, or it has none.
+/// When there is no such section, or it has no commands.
 #[must_use]
 pub fn documented(section: &str) -> String {
     let text = std::fs::read_to_string(root().join("deploy/README.md")).expect("it is shipped");

@@ -376,7 +376,7 @@ impl RunningProgram {
     ///
     /// # Panics
     ///
-    /// The program ended before, so the test would not test what it is meant to.
+    /// The program ended before, so that the test would be void.
     pub fn kill(mut self) {
         let ended = self.child.try_wait().expect("the process can be asked");
         assert!(

@@ -140,7 +140,7 @@ fn a_table_of_the_users_own_is_fitted_and_predicted_back() {
     let line = found["leave_one_out"]["largest"]["line"].as_u64().unwrap();
     assert!((2..=121).contains(&line), "{found}");
 
-    // Columns in another order, one that is no input, and a point beyond the table's.
+    // Columns in another order, one that is not an input, and a point outside the table's range.
     let mut points = String::from("b,note,a_mm\n");
     let at: Vec<(f64, f64)> = (0..40)
         .map(f64::from)
@@ -240,7 +240,7 @@ fn bad_tables_and_models_are_refused_by_file_line_and_column() {
     refused(&["predict", "--at", "at.csv"], 2, &["--model", "--db"]);
     let out = [&fit("data.csv")[..], &["--out", "m.json"]].concat();
     assert_code(&sandbox.coordinator(&out), 0);
-    // The same variance in all rows is no input.
+    // A variance that is the same in all rows is not an input.
     refused(
         &predict("m.json"),
         3,

@@ -286,7 +286,7 @@ fn fingerprint(design: &Design) -> u64 {
     })
 }
 
-/// Pins growth: a change of it changes what a campaign that grows from now on computes.
+/// Pins growth: a change of it changes the results of every campaign that grows from now on.
 #[test]
 fn the_growth_of_a_latin_design_is_pinned() {
     for (n, more, d, expected) in [
