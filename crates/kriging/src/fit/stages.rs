@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use tracing::info;
 
 use super::newton::{Limits, Outcome, minimise};
-use super::starts::{Search, TOLERANCE};
+use super::starts::{STAGED, Search, TOLERANCE};
 use crate::Error;
 use crate::data::scaled::ScaledData;
 use crate::likelihood::{Likelihood, Order};
@@ -16,8 +16,6 @@ use crate::linalg::JITTERS;
 pub(super) const SCREENING: usize = 300;
 /// Ratio of the numbers of points of successive stages of polishing.
 const GROWTH: f64 = 2.5;
-/// Number of points above which the search goes by stages.
-const STAGED: usize = 450;
 /// Number of optima found in one stage that the next stage follows.
 const FOLLOWED: usize = 2;
 /// Tolerance of a search on a subset, in place of [`TOLERANCE`].

@@ -25,8 +25,13 @@ const NUGGET_START: f64 = 1e-2;
 /// the same likelihood, in which the search would wander, and the covariance matrix comes nearer to
 /// singular with the square of the range.
 const LONGEST_RANGE: f64 = 50.0;
+/// Number of points above which the search goes by stages, from a subset to all points.
+pub(super) const STAGED: usize = 450;
 /// Predicted improvement below which a likelihood counts as maximal.
 pub(super) const TOLERANCE: f64 = 1e-6;
+/// The same of more than [`STAGED`] points, whose likelihoods cost n³: the step that promises it changes the parameters
+/// by √(2·10⁻³), a twentieth of their standard errors.
+const STAGED_TOLERANCE: f64 = 1e-3;
 
 /// The search for the parameters of one set of data: (ln θ₁ … ln θ_d, or one ln θ for all, ln τ² of a nugget,
 /// ln σ²).
@@ -72,7 +77,11 @@ impl<'a> Search<'a> {
             lower,
             upper,
             order,
-            tolerance: TOLERANCE,
+            tolerance: if n > STAGED {
+                STAGED_TOLERANCE
+            } else {
+                TOLERANCE
+            },
         }
     }
 
