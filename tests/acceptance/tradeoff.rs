@@ -3,7 +3,7 @@
 use acceptance::{Sandbox, assert_code, errors, printed, small_campaign};
 use serde_json::Value;
 
-const STUDIES: [&str; 8] = [
+const STUDIES: [&str; 9] = [
     "simulator",
     "contact",
     "percentile",
@@ -12,6 +12,7 @@ const STUDIES: [&str; 8] = [
     "optimisation",
     "runner",
     "cores",
+    "growth",
 ];
 
 #[test]
@@ -26,11 +27,11 @@ fn studies_are_measured_once_and_shown_on_one_page() {
     for study in STUDIES {
         let line = lines.lines().find(|line| line.starts_with(study));
         let line = line.unwrap_or_else(|| panic!("no line of {study} in\n{lines}"));
-        // No choice can be recommended for the time of a sample.
-        let says = if study == "runner" {
-            "The least time"
-        } else {
-            "Recommended: "
+        // Nobody chooses the time of a sample or the size of a task.
+        let says = match study {
+            "runner" => "The least time",
+            "cores" | "growth" => " as the power ",
+            _ => "Recommended: ",
         };
         assert!(
             line.contains(": measured, ") && line.contains(says),

@@ -134,7 +134,7 @@ pub(crate) struct Tradeoff {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Measure only these studies: simulator, contact, percentile, estimators, kriging,
-    /// optimisation, runner, cores
+    /// optimisation, runner, cores, growth
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = study)]
     pub(crate) study: Vec<lab::tradeoff::Kind>,
     /// Measure for two minutes instead of ten

@@ -25,7 +25,7 @@ const WHOLE: &str = "whole campaign";
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
-    rule: Rule::NearBest(0.1),
+    rule: Rule::PowerLaw,
     given: false,
 }];
 

@@ -9,6 +9,8 @@ pub enum Rule {
     Within(f64),
     /// The cheapest setting whose error exceeds the least error by at most this share of it.
     NearBest(f64),
+    /// None: the first quantity is the size of the task, and the second its cost, which grows with a power of it.
+    PowerLaw,
 }
 
 /// The reason for a recommendation.
@@ -39,7 +41,7 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
 }
 
 /// Returns the index of the recommended point (cost, error) with the reason; none without a finite
-/// point.
+/// point and with [`Rule::PowerLaw`].
 #[must_use]
 pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
     let front = front(points);
@@ -48,12 +50,49 @@ pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
         Rule::Within(limit) => limit,
         // The share applies to the absolute error: an error that is a response may be negative.
         Rule::NearBest(share) => points[best][1] + share * points[best][1].abs(),
+        Rule::PowerLaw => return None,
     };
     let cheapest = front.iter().find(|&&i| points[i][1] <= limit);
     Some(match cheapest {
         Some(&cheapest) => (cheapest, Reason::CheapestWithin(limit)),
         None => (best, Reason::MostAccurate),
     })
+}
+
+/// A power law y = c xᵏ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PowerLaw {
+    pub(crate) exponent: f64,
+    /// ln c.
+    intercept: f64,
+}
+
+impl PowerLaw {
+    /// The power law of least squared differences of logarithms; `None` with fewer than two different sizes.
+    pub(crate) fn fit(points: &[[f64; 2]]) -> Option<Self> {
+        let positive = points
+            .iter()
+            .filter(|p| p.iter().all(|v| *v > 0.0 && v.is_finite()));
+        let logarithms: Vec<[f64; 2]> = positive.map(|p| p.map(f64::ln)).collect();
+        let count = logarithms.len() as f64;
+        let mean = |k: usize| logarithms.iter().map(|p| p[k]).sum::<f64>() / count;
+        let centre = [mean(0), mean(1)];
+        let moment = |k: usize| -> f64 {
+            let products = logarithms
+                .iter()
+                .map(|p| (p[0] - centre[0]) * (p[k] - centre[k]));
+            products.sum()
+        };
+        let exponent = moment(1) / moment(0);
+        exponent.is_finite().then(|| Self {
+            exponent,
+            intercept: centre[1] - exponent * centre[0],
+        })
+    }
+
+    pub(crate) fn at(&self, x: f64) -> f64 {
+        (self.intercept + self.exponent * x.ln()).exp()
+    }
 }
 
 /// Orders points by cost, then by error.
@@ -109,5 +148,16 @@ mod tests {
         let near = recommend(&POINTS, Rule::NearBest(0.0));
         assert_eq!(near, Some((6, within(0.9))));
         assert_eq!(recommend(&POINTS[4..5], Rule::Within(1.0)), None);
+    }
+
+    #[test]
+    fn a_power_law_is_found_again() {
+        let law = |x: f64| [x, 3.0 * x.powf(2.5)];
+        let found = PowerLaw::fit(&[law(2.0), law(5.0), law(40.0), [0.0, 1.0]]).unwrap();
+        assert!((found.exponent - 2.5).abs() < 1e-12);
+        assert!((found.at(7.0) / law(7.0)[1] - 1.0).abs() < 1e-12);
+        assert_eq!(PowerLaw::fit(&[law(2.0), law(2.0)]), None);
+        assert_eq!(PowerLaw::fit(&[]), None);
+        assert_eq!(recommend(&POINTS, Rule::PowerLaw), None);
     }
 }

@@ -16,6 +16,7 @@ mod cores;
 mod data;
 mod estimators;
 mod front;
+mod growth;
 mod kriging;
 mod optimisation;
 mod page;

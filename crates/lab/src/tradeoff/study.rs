@@ -8,7 +8,7 @@ use crate::tradeoff::size::Size;
 use crate::tradeoff::table::Table;
 use crate::tradeoff::view::View;
 use crate::tradeoff::{
-    contact, cores, estimators, kriging, optimisation, percentile, runner, simulator,
+    contact, cores, estimators, growth, kriging, optimisation, percentile, runner, simulator,
 };
 
 /// The kinds of study.
@@ -30,6 +30,8 @@ pub enum Kind {
     Runner,
     /// The campaign on more and more processors.
     Cores,
+    /// The growth of costs with the sizes of tasks.
+    Growth,
 }
 
 /// A study with its measurements.
@@ -41,7 +43,7 @@ pub struct Study {
 
 impl Kind {
     /// All kinds, from the simulator outwards.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Simulator,
         Self::Contact,
         Self::Percentile,
@@ -50,6 +52,7 @@ impl Kind {
         Self::Optimisation,
         Self::Runner,
         Self::Cores,
+        Self::Growth,
     ];
 
     #[must_use]
@@ -63,6 +66,7 @@ impl Kind {
             Self::Optimisation => "optimisation",
             Self::Runner => "runner",
             Self::Cores => "cores",
+            Self::Growth => "growth",
         }
     }
 
@@ -77,6 +81,7 @@ impl Kind {
             Self::Optimisation => "Optimisation",
             Self::Runner => "Runner",
             Self::Cores => "Cores",
+            Self::Growth => "Growth",
         }
     }
 
@@ -92,6 +97,7 @@ impl Kind {
             Self::Optimisation => optimisation::LEAD,
             Self::Runner => runner::LEAD,
             Self::Cores => cores::LEAD,
+            Self::Growth => growth::LEAD,
         }
     }
 
@@ -116,6 +122,7 @@ impl Kind {
             Self::Optimisation => optimisation::run(problem, size, runner, progress),
             Self::Runner => runner::run(size, runner, progress),
             Self::Cores => cores::run(problem, size, runner, progress),
+            Self::Growth => growth::run(problem, size, progress),
         };
         let table = table.with_context(|| format!("the study {}", self.name()))?;
         Ok(Study { kind: self, table })
@@ -134,6 +141,7 @@ impl Study {
             Kind::Optimisation => optimisation::PAIRS,
             Kind::Runner => runner::PAIRS,
             Kind::Cores => cores::PAIRS,
+            Kind::Growth => growth::PAIRS,
         };
         let panels = self.table.panels().into_iter();
         panels

@@ -3,7 +3,7 @@
 use results::number::short_time;
 use results::report::charts::{TradeoffChart, TradeoffSeries};
 
-use crate::tradeoff::front::{Reason, Rule, front, recommend};
+use crate::tradeoff::front::{PowerLaw, Reason, Rule, front, recommend};
 use crate::tradeoff::table::{Row, Table};
 
 /// A cost and an error of a study.
@@ -54,6 +54,9 @@ impl<'a> View<'a> {
     pub fn sentence(&self) -> String {
         let rows = self.rows();
         let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
+        if self.pair.rule == Rule::PowerLaw {
+            return self.growth(&rows, &points);
+        }
         let Some((place, reason)) = recommend(&points, self.pair.rule) else {
             return "There are no measurements.".to_owned();
         };
@@ -70,11 +73,12 @@ impl<'a> View<'a> {
                 "the cheapest whose {error} is within {} % of the least measured",
                 short(100.0 * share)
             ),
+            (Reason::CheapestWithin(_), Rule::PowerLaw) => "the cheapest".to_owned(),
             (Reason::MostAccurate, Rule::Within(limit)) => format!(
                 "the most accurate, since no measured setting has a {error} of at most {}",
                 amount(limit, error_unit)
             ),
-            (Reason::MostAccurate, Rule::NearBest(_)) => "the most accurate".to_owned(),
+            (Reason::MostAccurate, _) => "the most accurate".to_owned(),
         };
         let amounts = |at: usize| {
             let units = columns.map(|column| name_and_unit(column).1);
@@ -128,6 +132,28 @@ impl<'a> View<'a> {
         text
     }
 
+    /// A sentence with the exponent of the power law, and the costs of the least and the greatest size.
+    fn growth(&self, rows: &[&Row], points: &[[f64; 2]]) -> String {
+        let columns = [self.pair.cost, self.pair.error].map(|i| &*self.table.columns[i]);
+        let [(size, _), (cost, unit)] = columns.map(name_and_unit);
+        let (Some(law), Some(first), Some(last)) =
+            (PowerLaw::fit(points), rows.first(), rows.last())
+        else {
+            return "There are too few measurements for a power law.".to_owned();
+        };
+        let verb = if law.exponent < 0.0 { "falls" } else { "grows" };
+        let at = |row: &Row| {
+            let cost = amount(row.values[self.pair.error], unit);
+            format!("{cost} ({})", row.setting)
+        };
+        let exponent = format!("{:.2}", law.exponent).replace('-', "−");
+        format!(
+            "The {cost} {verb} as the power {exponent} of the {size}, from {} to {}.",
+            at(first),
+            at(last)
+        )
+    }
+
     /// The panel, if there are several, and the names of error and cost, as short as they stay clear.
     fn title(&self) -> String {
         let columns = [self.pair.error, self.pair.cost].map(|i| &*self.table.columns[i]);
@@ -137,6 +163,26 @@ impl<'a> View<'a> {
         match self.table.panels().len() {
             1 => format!("{error} over {cost}"),
             _ => format!("{}: {error} over {cost}", self.panel),
+        }
+    }
+
+    /// The Pareto front, or the ends of the power law.
+    fn line(&self, points: &[[f64; 2]]) -> TradeoffSeries {
+        if self.pair.rule != Rule::PowerLaw {
+            return TradeoffSeries {
+                name: "Pareto front".to_owned(),
+                points: front(points).into_iter().map(|i| points[i]).collect(),
+            };
+        }
+        let law = PowerLaw::fit(points);
+        let ends = points.first().into_iter().chain(points.last());
+        TradeoffSeries {
+            name: law.map_or(String::new(), |law| {
+                format!("power {:.2}", law.exponent).replace('-', "−")
+            }),
+            points: law.map_or(Vec::new(), |law| {
+                ends.map(|[x, _]| [*x, law.at(*x)]).collect()
+            }),
         }
     }
 
@@ -168,7 +214,7 @@ impl<'a> View<'a> {
             cost,
             error,
             series,
-            front: front(&points).into_iter().map(|i| points[i]).collect(),
+            line: self.line(&points),
             campaign: own.map(|(_, point)| *point).collect(),
             recommended: self.recommended().map(|row| self.point(row)),
             recommendation: self.sentence(),
@@ -258,10 +304,22 @@ mod tests {
             "The least time whose error is at most 0.5 % is 2 µs, with error 0.2 % (prefix sums, 16 × 8)."
         );
         assert_eq!(given.recommended(), None);
+        let mut growth = view.clone();
+        growth.pair.rule = Rule::PowerLaw;
+        assert_eq!(
+            growth.sentence(),
+            "The error falls as the power −2.16 of the time, from 2 % (8 × 4) to 0.1 % (32 × 16)."
+        );
+        assert_eq!(growth.recommended(), None);
+        assert_eq!(growth.chart().line.points.len(), 2);
         let chart = view.chart();
         assert_eq!(chart.series.len(), 1);
         assert_eq!(chart.title, "a: error over time");
-        assert_eq!(chart.front.len(), 3, "rows of another panel do not count");
+        assert_eq!(
+            chart.line.points.len(),
+            3,
+            "rows of another panel do not count"
+        );
         assert_eq!(chart.campaign, [[4.0, 0.1]]);
         assert_eq!(chart.recommended, Some([2.0, 0.2]));
     }

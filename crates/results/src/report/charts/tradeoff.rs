@@ -31,8 +31,8 @@ pub struct TradeoffChart {
     pub error: String,
     /// The methods.
     pub series: Vec<TradeoffSeries>,
-    /// The Pareto front, by rising cost.
-    pub front: Vec<[f64; 2]>,
+    /// A line through the settings: the Pareto front, or a fitted law.
+    pub line: TradeoffSeries,
     /// The settings of the campaign.
     pub campaign: Vec<[f64; 2]>,
     /// The recommended setting.
@@ -53,10 +53,10 @@ pub fn tradeoff(chart: &TradeoffChart) -> Result<Picture, Error> {
         points,
     };
     let mut series = vec![marked(
-        "Pareto front",
+        &chart.line.name,
         Mark::Thin("5 3"),
         1,
-        chart.front.clone(),
+        chart.line.points.clone(),
     )];
     let methods = chart.series.iter().enumerate();
     series.extend(
@@ -113,7 +113,10 @@ mod tests {
                     points: vec![[1.0, 2.0], [2.0, 1.0], [3.0, 1.5]],
                 },
             ],
-            front: vec![[1.0, 2.0], [2.0, 1.0]],
+            line: TradeoffSeries {
+                name: "Pareto front".to_owned(),
+                points: vec![[1.0, 2.0], [2.0, 1.0]],
+            },
             campaign: vec![[3.0, 1.5]],
             recommended: Some([2.0, 1.0]),
             recommendation: String::new(),
@@ -134,7 +137,8 @@ mod tests {
         chart.recommended = None;
         let svg = tradeoff(&chart).unwrap().standalone();
         assert!(!svg.contains("recommended"));
-        (chart.series, chart.front, chart.campaign) = (Vec::new(), Vec::new(), Vec::new());
+        (chart.series, chart.campaign) = (Vec::new(), Vec::new());
+        chart.line.points.clear();
         assert!(matches!(tradeoff(&chart), Err(Error::NothingToDraw { .. })));
     }
 }
