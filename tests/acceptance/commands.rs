@@ -267,6 +267,20 @@ fn an_exported_optimum_simulates_to_the_figure_of_its_campaign() {
             "{simulated} against {criterion}"
         );
     }
+    // Without a name it is the approach that the report recommends.
+    let best = sandbox.coordinator(&["export", "--db", "tiny.db", "--pair", "best.toml"]);
+    assert_code(&best, 0);
+    let summary = printed(&sandbox.coordinator(&["status", "--db", "tiny.db"]));
+    let verified = |line: &str| {
+        let (of, p90) = line.strip_prefix("optimum")?.split_once("P90 ")?;
+        let p90: f64 = p90.split_whitespace().next()?.parse().ok()?;
+        Some((p90, of.split_whitespace().next()?.to_owned()))
+    };
+    let best = summary.lines().filter_map(verified);
+    let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
+    let (_, best) = best.unwrap_or_else(|| panic!("no optimum in\n{summary}"));
+    let of_name = std::fs::read(sandbox.path(&format!("{best}.toml"))).unwrap();
+    assert_eq!(std::fs::read(sandbox.path("best.toml")).unwrap(), of_name);
     let none = [
         "export",
         "--db",

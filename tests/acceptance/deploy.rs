@@ -1,6 +1,7 @@
 //! The files in `deploy/` agree with the programs, and its scripts run.
 
 mod containers;
+mod release;
 mod services;
 mod slurm;
 mod ssh;

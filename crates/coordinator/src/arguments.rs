@@ -344,12 +344,11 @@ pub(crate) struct Export {
         conflicts_with = "pair"
     )]
     pub(crate) out: Option<PathBuf>,
-    /// The approach whose optimum --pair writes
-    #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair",
-        required_unless_present = "table")]
+    /// The approach whose optimum --pair writes [default: the recommended one]
+    #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair")]
     pub(crate) approach: Option<Approach>,
     /// Write the design that violates the constraints least, where the approach found no feasible one
-    #[arg(long, requires = "pair")]
+    #[arg(long, requires = "pair", requires = "approach")]
     pub(crate) infeasible: bool,
 }
 
@@ -360,7 +359,7 @@ pub(crate) struct ExportTarget {
     /// The table to export
     #[arg(long, value_enum)]
     pub(crate) table: Option<Table>,
-    /// Write the optimum of an approach as a pair file for `simulate`; one that exists is refused
+    /// Write an optimum as a pair file for `simulate`; one that exists is refused
     #[arg(long, value_name = "OUT.toml")]
     pub(crate) pair: Option<PathBuf>,
 }

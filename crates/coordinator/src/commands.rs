@@ -390,7 +390,11 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
             export::write(&store, table, arguments.format, file).await?;
         }
     }
-    if let (Some(out), Some(approach)) = (&what.pair, arguments.approach) {
+    if let Some(out) = &what.pair {
+        let approach = match arguments.approach {
+            Some(approach) => approach,
+            None => pair_file::recommended(&store).await?,
+        };
         let text = if arguments.infeasible {
             let (text, broken) = pair_file::of_least_violation(&store, approach).await?;
             warn!("infeasible: the design breaks {broken}");

@@ -8,7 +8,22 @@ use stages::names;
 use stages::optima::{self, NoOptimum, Optimum};
 use store::Store;
 
+use crate::optima::Optima;
 use crate::snapshot;
+
+/// The approach whose optimum is recommended.
+///
+/// # Errors
+///
+/// The store cannot be read, or no approach has a feasible design.
+pub async fn recommended(store: &Store) -> anyhow::Result<Approach> {
+    let optima = Optima::read(store, &snapshot::problem(store).await?).await?;
+    let best = optima.recommended();
+    let best = best.context(
+        "no approach found a feasible design: name one with --approach and --infeasible",
+    )?;
+    Ok(best.optimum.approach)
+}
 
 /// The pair file of the design that `approach` found, which `coordinator simulate` computes with the
 /// campaign's load, material, wear and limits.
