@@ -279,8 +279,19 @@ fn an_exported_optimum_simulates_to_the_figure_of_its_campaign() {
     let best = summary.lines().filter_map(verified);
     let best = best.min_by(|a, b| a.0.total_cmp(&b.0));
     let (_, best) = best.unwrap_or_else(|| panic!("no optimum in\n{summary}"));
-    let of_name = std::fs::read(sandbox.path(&format!("{best}.toml"))).unwrap();
-    assert_eq!(std::fs::read(sandbox.path("best.toml")).unwrap(), of_name);
+    let named = [
+        "export",
+        "--db",
+        "tiny.db",
+        "--pair",
+        "named.toml",
+        "--approach",
+        &best,
+    ];
+    assert_code(&sandbox.coordinator(&named), 0);
+    let [by_default, by_name] =
+        ["best.toml", "named.toml"].map(|file| std::fs::read(sandbox.path(file)).unwrap());
+    assert_eq!(by_default, by_name);
     let none = [
         "export",
         "--db",
