@@ -46,6 +46,8 @@ pub enum Explanation {
         since: Duration,
         /// Time until failures are final; see [`Options::retry_for`](crate::Options::retry_for).
         left: Duration,
+        /// Failed attempts of a job after which it is quarantined.
+        max_failures: u32,
     },
     /// Streams wait after a failure.
     Waiting {
@@ -151,7 +153,11 @@ impl<P: Clone> Ledger<P> {
         {
             let since = silence(failed);
             let left = self.options.retry_for.saturating_sub(since);
-            reasons.push(Explanation::Outage { since, left });
+            reasons.push(Explanation::Outage {
+                since,
+                left,
+                max_failures: self.options.max_failures.max(1),
+            });
         }
         if let Some(&(until, ..)) = self.waiting.first() {
             reasons.push(Explanation::Waiting {
@@ -211,18 +217,26 @@ impl fmt::Display for Explanation {
             } => write!(
                 f,
                 "{} could be computed, but {suspended} of {present} workers are suspended after \
-                 several failures in a row, the first for another {}: look at the failures and mend \
-                 their cause, then run `coordinator retry`, or start other workers",
+                 several failures in a row, the first for another {}: look at the failures and fix \
+                 the cause, then run `coordinator retry`, or start other workers",
                 streams(*free),
                 seconds(*next_in)
             ),
-            Self::Outage { since, left } if left.is_zero() => write!(
+            Self::Outage {
+                since,
+                left,
+                max_failures,
+            } if left.is_zero() => write!(
                 f,
-                "nothing has succeeded since a failure {} ago: a job that fails three times is now \
-                 quarantined",
-                seconds(*since)
+                "nothing has succeeded since a failure {} ago: a job is now quarantined after {}",
+                seconds(*since),
+                if *max_failures == 1 {
+                    "1 failed attempt".to_owned()
+                } else {
+                    format!("{max_failures} failed attempts")
+                }
             ),
-            Self::Outage { since, left } => write!(
+            Self::Outage { since, left, .. } => write!(
                 f,
                 "nothing has succeeded since a failure {} ago, which counts against no design: it is \
                  tried again for another {}",
@@ -260,7 +274,7 @@ impl fmt::Display for Explanation {
                 error,
             } => write!(
                 f,
-                "{} quarantined, the first ({stream}) because of {error:?}: mend the cause, then run \
+                "{} quarantined, the first ({stream}) because of {error:?}: fix the cause, then run \
                  `coordinator retry`",
                 if *quarantined == 1 {
                     "1 was".to_owned()
@@ -271,7 +285,7 @@ impl fmt::Display for Explanation {
             Self::NotAsked { free, workers } => write!(
                 f,
                 "{} could be computed and {workers} workers are connected, but none has asked yet: \
-                 wait a moment; if it stays so, look at the workers' logs",
+                 wait a moment; if this persists, read the workers' logs",
                 streams(*free)
             ),
             Self::Running {

@@ -204,17 +204,17 @@ impl HasExitCode for indicatif::style::TemplateError {}
 pub const TABLE: [(u8, &str); 18] = [
     (OK, "success"),
     (FAILURE, "a failure without a code of its own"),
-    (USAGE, "the command line is wrong"),
+    (USAGE, "the command line is invalid"),
     (
         BAD_FILE,
-        "an input file is wrong; the message names file, line, and key or column",
+        "an input file is invalid; the message names file, line, and key or column",
     ),
     (
         FILE_ACCESS,
         "a file cannot be read or written, would be overwritten, or exposes a secret; or this machine \
          cannot run the external simulator",
     ),
-    (NO_STORE, "there is no store where one is expected"),
+    (NO_STORE, "no store at the given path"),
     (OTHER_CAMPAIGN, "the store holds another campaign"),
     (NOT_A_STORE, "the store is not an SQLite file"),
     (

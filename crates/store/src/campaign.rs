@@ -49,7 +49,7 @@ pub(crate) async fn read(connection: &mut Connection<'_>) -> Result<CampaignRow,
     );
     let row = connection.optional(query).await?;
     // A store is created together with its campaign.
-    let row = row.ok_or_else(|| connection.damaged("it names no campaign"))?;
+    let row = row.ok_or_else(|| connection.damaged("its campaign row is missing"))?;
     let campaign = CampaignRow {
         name: row.name,
         file_text: row.file_text,

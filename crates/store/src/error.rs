@@ -129,9 +129,8 @@ pub enum Error {
     },
     /// The store's file has several names (hard links).
     #[error(
-        "the store {} is one file with {names} names (hard links), of which only the one that it was \
-         last written under leads to its log: remove the other names, or copy the file and use the \
-         copy",
+        "the store {} is one file with {names} names (hard links), and its log belongs only to the name under \
+         which it was last written: remove the other names, or copy the file and use the copy",
         path.display()
     )]
     Linked {
@@ -186,7 +185,7 @@ pub enum Error {
         worker: Option<String>,
     },
     /// A sample was submitted of a design that is not in the store.
-    #[error("design {design} is not in the store: its variables come before its samples")]
+    #[error("design {design} is not in the store: store the design before its samples")]
     UnknownDesign {
         /// The design's index.
         design: u64,
@@ -234,7 +233,7 @@ pub enum Error {
         value: u64,
     },
     /// A row contradicts the rows it refers to, such as a sample of an unknown design.
-    #[error("rows contradict the schema: store what they refer to first, and each once")]
+    #[error("rows violate the schema: store the rows that they refer to first, and each row once")]
     Constraint {
         /// The error of SQLite.
         #[source]

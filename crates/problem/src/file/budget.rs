@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::FileError;
 use super::validate::Source;
 
-/// `[budget]`, optional: what the campaign may cost, over all its stages and runs. Once it is used up, no more work is given
-/// out. A larger budget and the same command continue.
+/// `[budget]`, optional: what the campaign may cost, over all its stages and runs. Once it is used up, no more jobs are
+/// leased. A larger budget and the same command continue.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Budget {

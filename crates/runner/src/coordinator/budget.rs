@@ -13,7 +13,7 @@ use crate::exit::{self, HasExitCode};
 /// The budget of a campaign is used up, and work is left.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "{0}: no more work is given out, and everything is kept; a larger budget and the same command continue"
+    "{0}: no more jobs are leased; all results are kept. Raise the budget and run the same command to continue"
 )]
 pub(crate) struct ExceededBudget(pub(crate) String);
 

@@ -118,7 +118,7 @@ pub(crate) fn rows(
         }
         Output::Run(run) => {
             if StreamId::run(run.approach.number() as u32, run.start) != stream {
-                return Err("the worker's result is another run's".to_owned());
+                return Err("the result belongs to another run".to_owned());
             }
             batch.only_for = Some((stream, unit.generation.0));
             let row = OptimiserRunRow {

@@ -56,7 +56,7 @@ pub(crate) async fn record<R: Recorder>(
     for of_one in crashes.chunk_by(|a, b| a.worker == b.worker) {
         let jobs: Vec<String> = of_one.iter().take(NAMED).map(job).collect();
         let more = of_one.len() - jobs.len();
-        warn!(worker = %of_one[0].worker, jobs = %jobs.join(", "), more, "a worker died while it held this");
+        warn!(worker = %of_one[0].worker, jobs = %jobs.join(", "), more, "a worker died with these leases");
     }
     if !is_known {
         crashes.dedup_by(|b, a| a.worker == b.worker);

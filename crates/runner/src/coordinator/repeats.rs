@@ -54,7 +54,7 @@ impl Repeats {
             return Err(store::Error::Damaged {
                 path: path.to_owned(),
                 detail: format!(
-                    "{step} was done {MOST} times with the same inputs, and what it stored is not found"
+                    "{step} was done {MOST} times with the same inputs, and its result is missing from the store"
                 ),
             });
         }

@@ -205,7 +205,7 @@ async fn accept_port(
         let (tls, through, failures) = (tls.clone(), through.clone(), Arc::clone(&failures));
         opening.spawn(async move {
             let opened = tokio::select! {
-                () = newcomer.lost() => Err(io::Error::other("others wait for its place")),
+                () = newcomer.lost() => Err(io::Error::other("closed: too many connections without a token")),
                 opened = tokio::time::timeout(HANDSHAKE_LIMIT, open(stream, tls)) => {
                     opened.unwrap_or_else(|_| Err(too_slow()))
                 }

@@ -88,8 +88,8 @@ fn plain(text: &str) -> Option<f64> {
 /// Reads lines of `name = value`, or a JSON object.
 fn named(text: &str) -> Result<Results, String> {
     if text.trim_start().starts_with('{') {
-        let read: Object =
-            serde_json::from_str(text).map_err(|error| format!(" is no JSON object: {error}"))?;
+        let read: Object = serde_json::from_str(text)
+            .map_err(|error| format!(" is not a JSON object: {error}"))?;
         read.check().map_err(|doubled| format!(": {doubled}"))?;
         let mut object = read.map;
         if let Some(Value::String(reason)) = object.remove(REFUSED) {
@@ -163,7 +163,7 @@ mod tests {
             ("y = one", ", line 1: "),
             ("y = 1\n\ny = 2", ", line 3: y has a value already"),
             ("{\"y\": \"one\"}", ": y is \"one\", which is not a number"),
-            ("{\"y\": ", " is no JSON object: EOF"),
+            ("{\"y\": ", " is not a JSON object: EOF"),
             ("{\"y\": 1, \"y\": 2}", ": it has \"y\" more than once"),
         ] {
             let error = named(text).unwrap_err();

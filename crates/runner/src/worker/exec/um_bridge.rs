@@ -233,7 +233,7 @@ fn post(agent: &ureq::Agent, url: &str, content: Option<&Value>) -> Result<Value
     let mut response = sent.map_err(unreachable)?;
     let text = response.body_mut().read_to_string().map_err(unreachable)?;
     let answer: Value = serde_json::from_str(&with_quoted_numbers(&text))
-        .map_err(|error| Fault::Program(format!("{url} answered what is not JSON: {error}")))?;
+        .map_err(|error| Fault::Program(format!("the answer of {url} is not JSON: {error}")))?;
     match answer.get("error") {
         None => Ok(answer),
         Some(error) => {

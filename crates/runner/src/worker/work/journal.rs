@@ -124,7 +124,7 @@ impl Journal {
         match OwnFile::create(&path, worker, campaign, self.slots) {
             Ok(own) => self.state().own = Some(own),
             Err(error) => warn!(file = %path.display(), %error,
-                "what this worker computes cannot be noted: if a job kills it, others are suspected, too"),
+                "cannot write the journal: if a job kills this worker, other jobs are suspected, too"),
         }
     }
 
@@ -172,7 +172,8 @@ impl OwnFile {
     fn write(&self, slot: usize, record: &[u8; RECORD]) {
         let at = self.header + (slot * RECORD) as u64;
         if let Err(error) = self.file.write_all_at(record, at) {
-            warn!(file = %self.path.display(), %error, "what this worker computes cannot be noted");
+            warn!(file = %self.path.display(), %error,
+                "cannot write the journal: if a job kills this worker, other jobs are suspected, too");
         }
     }
 }
