@@ -99,7 +99,7 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
     let output = merge(&sandbox, &twice);
     assert_code(&output, 2);
     assert!(
-        errors(&output).contains("same shard, number 1"),
+        errors(&output).contains("both parts of shard 1"),
         "{}",
         errors(&output)
     );
@@ -146,7 +146,7 @@ fn parts_that_do_not_fit_are_named_and_nothing_of_them_is_stored() {
     let output = with(&foreign);
     assert_code(&output, 6);
     assert!(
-        errors(&output).contains("is of another campaign"),
+        errors(&output).contains("belongs to another campaign"),
         "{}",
         errors(&output)
     );

@@ -152,7 +152,7 @@ function showStatus(status) {
     ["Designs", `${whole.format(status.designs.done)} of ${whole.format(status.designs.wanted)}`, `${whole.format(status.designs.simulable)} can be simulated`],
   ];
   if (live) {
-    tiles.push(["Rate", rate(live.samples_per_second), "samples stored, lately"]);
+    tiles.push(["Rate", rate(live.samples_per_second), "samples stored, recent rate"]);
     if (!status.finished) tiles.push(["Time to go in this stage", about, ends]);
     tiles.push(["Jobs", `${whole.format(live.jobs_leased)} leased`, `${whole.format(live.jobs_queued)} queued, ${whole.format(live.jobs_quarantined)} quarantined`]);
   }

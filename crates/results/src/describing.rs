@@ -112,7 +112,7 @@ pub fn describe(status: &Status) -> String {
                         let worse = estimate(value, Some(ends), "");
                         match ends {
                             (low, _) if low <= 0.0 => {
-                                format!(", not told apart from the best: {worse} worse")
+                                format!(", not significantly worse than the best: {worse} worse")
                             }
                             _ => format!(", {worse} worse than the best"),
                         }
@@ -199,7 +199,7 @@ fn describe_live(live: &CoordinatorStatus, text: &mut String) {
         let _ = writeln!(
             text,
             "worker          {host}: {slots} slots, {leased} jobs, {completed} done, {failed} \
-             failed, {}, heard of {silent_seconds:.1} s ago{aside}",
+             failed, {}, last seen {silent_seconds:.1} s ago{aside}",
             rate(*samples_per_second)
         );
     }

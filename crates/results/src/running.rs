@@ -133,7 +133,7 @@ pub struct Worker {
     pub completed: u64,
     /// Failed or lost evaluations.
     pub failed: u64,
-    /// Seconds since it was heard of.
+    /// Seconds since its last call.
     pub silent_seconds: f64,
     /// Whether it gets no leases for a while, after repeated failures.
     pub is_suspended: bool,

@@ -255,17 +255,17 @@ fn over_budget(campaign: &Campaign, planned: &[Calls]) -> Option<String> {
     let all: u64 = planned.iter().map(Calls::count).sum();
     let most = planned.iter().max_by_key(|calls| calls.count())?;
     let key = match most.stage {
-        Stage::Optimise => "optimise.evaluations, or fewer approaches",
+        Stage::Optimise => "optimise.evaluations or the number of approaches",
         Stage::Enrich => "enrichment.samples",
         Stage::Verify => "verify.samples",
-        _ => "doe.designs and sampling.samples_per_design",
+        _ => "doe.designs or sampling.samples_per_design",
     };
     (all > budget).then(|| {
         format!(
             "budget.calls is {budget}, and the plan has up to {all} calls of the program: the campaign may end without \
-             its optima. Most of them, {}, are of the stage {}: {key} changes them",
-            most.count(),
-            most.stage
+             its optima. The stage {} needs most of them ({}); reduce {key}",
+            most.stage,
+            most.count()
         )
     })
 }
@@ -289,8 +289,8 @@ fn beyond_one_store(samples: f64) -> Option<String> {
     (samples > STORED).then(|| {
         format!(
             "the campaign has up to {samples:.1e} samples, and one coordinator with its store holds about \
-             {STORED:.0e}: sampling.control = \"linearised\" or sampling.precision needs fewer samples, or make \
-             several campaigns of it with parts of the bounds"
+             {STORED:.0e}: use sampling.control = \"linearised\" or sampling.precision, which need fewer samples, or \
+             split the bounds among several campaigns"
         )
     })
 }
@@ -313,7 +313,7 @@ fn describe(plan: &Plan) -> String {
     );
     if let Some(reason) = &plan.nothing_to_sample {
         text += &format!(
-            "None of {DESIGNS} random designs gets samples, most often because of {reason}. Change what this \
+            "No random design of {DESIGNS} gets samples, most often because of {reason}. Change what this \
              names in [pair], [constraints] or [bounds].\n\n"
         );
     }

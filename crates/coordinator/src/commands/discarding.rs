@@ -73,7 +73,7 @@ fn describe(what: &Discard, removal: &Removal) -> String {
     match removal.removed {
         _ if samples + criteria + evaluations + runs == 0 => {
             format!(
-                "nothing is stored of {of}: `coordinator export --table blocks` names workers and hosts\n"
+                "no stored results of {of}: `coordinator export --table blocks` names workers and hosts\n"
             )
         }
         true => format!(

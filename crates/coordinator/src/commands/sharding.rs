@@ -41,10 +41,10 @@ const LEASES: usize = 10_000;
 /// The reason why parts cannot be merged.
 #[derive(Debug, thiserror::Error)]
 enum MergeError {
-    #[error("{} is of another campaign than the store {}: merge it into the store that planned it",
+    #[error("part {} belongs to another campaign than store {}; merge it into the store that planned it",
         part.display(), store.display())]
     Foreign { part: PathBuf, store: PathBuf },
-    #[error("{} and {} are of the same shard, number {shard}: leave one of them out",
+    #[error("{} and {} are both parts of shard {shard}; give only one",
         first.display(), second.display())]
     Doubled {
         shard: u32,

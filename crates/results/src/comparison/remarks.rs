@@ -19,10 +19,9 @@ pub(super) fn remark(place: &str, quantity: &str) -> Option<&'static str> {
          0.8, and with prismatic beams to 0.99."
     } else if starts("Table 3") {
         "The statistics depend on which designs count as simulable, and the paper's simulator refused \
-         27.5 % of them for reasons that it does not print. The least and the greatest value hang on \
-         single designs."
+         27.5 % of them for reasons that it does not print. The extremes depend on single designs."
     } else if starts("Figure 7") {
-        "An optimum's ΔSTE is what is left where large contributions cancel. Slices with the same \
+        "An optimum's ΔSTE is the small difference of large contributions. Slices with the same \
          beams give 0.357 µm here, and fit the worn designs worse."
     } else if starts("Figure 8") && about("kriging") {
         "The printed figure is a prediction, which the paper's own 500 samples put at 3.37 µm; ours \

@@ -101,11 +101,7 @@ impl Collector for StatusCollector {
             "Jobs that wait for a worker",
             &level(*jobs_queued as f64),
         )?;
-        put(
-            "jobs_leased",
-            "Jobs that workers hold",
-            &level(*jobs_leased as f64),
-        )?;
+        put("jobs_leased", "Leased jobs", &level(*jobs_leased as f64))?;
         put(
             "jobs_quarantined",
             "Jobs that were quarantined",
@@ -113,17 +109,17 @@ impl Collector for StatusCollector {
         )?;
         put(
             "samples_per_second",
-            "Samples stored per second, lately",
+            "Recent rate of stored samples, per second",
             &level(*samples_per_second),
         )?;
         put(
             "workers",
-            "Workers heard of lately",
+            "Workers seen recently",
             &level(here.count() as f64),
         )?;
         put(
             "slots",
-            "Jobs that they compute at once",
+            "Jobs that the workers seen recently compute at once",
             &level(f64::from(slots)),
         )?;
         put(

@@ -108,7 +108,7 @@ impl ModelFile {
         let wrong = |message: String| InputError::in_file(file, message);
         let unreadable = |error: serde_json::Error| {
             let message =
-                format!("is no model file of `fit --out` or `export --table model`: {error}");
+                format!("is not a model file of `fit --out` or `export --table model`: {error}");
             wrong(message)
         };
         let Version { schema_version } = serde_json::from_str(text).map_err(unreadable)?;

@@ -289,7 +289,7 @@ mod tests {
         for (from, to, part) in [
             ("\"schema_version\":1", "\"schema_version\":9", "is 9, but"),
             ("\"name\":\"b\"", "\"name\":\"a_mm\"", "\"a_mm\" twice"),
-            ("\"response\":{", "\"respond\":{", "is no model file"),
+            ("\"response\":{", "\"respond\":{", "is not a model file"),
             ("\"dimensions\":2", "\"dimensions\":3", "cannot be read"),
             (
                 "\"dimensions\":2",

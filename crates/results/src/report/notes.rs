@@ -37,7 +37,7 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
         (problem::task::SIMULATOR_PANIC, "made the simulator panic"),
         (
             problem::task::NOT_A_NUMBER,
-            "gave results that are no numbers",
+            "gave results that are not numbers",
         ),
     ] {
         let count = panics(name);
@@ -70,8 +70,8 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
     ));
     if campaign.is_external() {
         notes.push(
-            "An external program simulated the designs. What only the built-in model knows is left \
-             out: drawings of the optima, their transmission error curves and profiles of worn flanks."
+            "An external program simulated the designs. Results that only the built-in model gives \
+             are left out: drawings of the optima, their transmission error curves and profiles of worn flanks."
                 .to_owned(),
         );
     }

@@ -53,8 +53,8 @@ fn effort(enrichment: &Enrichment) -> String {
     let samples: u64 = rounds.iter().map(|round| round.samples).sum();
     let failed: u64 = rounds.iter().map(|round| round.failed).sum();
     let mut text = format!(
-        "{} rounds asked for {} new designs and {} further turns at designs that were there: {} \
-         samples beside the {} of the DoE, {} in all.",
+        "{} rounds asked for {} new designs and {} times for additional samples at an existing \
+         design: {} samples beside the {} of the DoE, {} in all.",
         rounds.len(),
         count(rounds.iter().map(|round| round.new_designs).sum()),
         count(rounds.iter().map(|round| round.further_turns).sum()),

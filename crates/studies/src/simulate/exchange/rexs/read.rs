@@ -78,7 +78,7 @@ impl<'a> Stage<'a> {
             kind == "ring_gear" || kind.ends_with("_stage") && kind != "cylindrical_stage"
         });
         if let Some(other) = other {
-            bail!("{} is no external cylindrical stage", named(other));
+            bail!("{} is not an external cylindrical stage", named(other));
         }
         let stages = model.of_kind("cylindrical_stage");
         let [stage] = stages[..] else {
