@@ -59,7 +59,7 @@ class Table:
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._places:
-            raise KeyError(f"there is no column {name!r}, there are {', '.join(self._places)}")
+            raise KeyError(f"unknown column {name!r}; available: {', '.join(self._places)}")
         return self._table.column(self._places[name])
 
     def row(self, place: int) -> dict[str, Any]:

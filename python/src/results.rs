@@ -72,7 +72,7 @@ fn table_of(name: &str) -> PyResult<export::Table> {
     }
     let names: Vec<&str> = tables.iter().map(|(_, value)| value.get_name()).collect();
     Err(PitchlineError::new_err(format!(
-        "there is no table {name:?}, there are {}",
+        "unknown table {name:?}; available: {}",
         names.join(", ")
     )))
 }

@@ -38,7 +38,7 @@ fn evaluations(values: &Vector<'_>, violations: Option<&Vector<'_>>) -> PyResult
     let violations = numbers(violations);
     if violations.len() != values.len() {
         let text = format!(
-            "{} violations were told with {} values, there must be one for each",
+            "{} violations given for {} values; give one per value",
             violations.len(),
             values.len()
         );

@@ -164,8 +164,7 @@ pub enum Infeasibility {
     /// The integral of the tooth's bending compliance is not resolved, however finely the tooth is
     /// divided: its outline varies at the scale of rounding.
     #[error(
-        "the {member}'s compliance integral stands at a relative error of {error:.1e} when its \
-         panels run out, it must fall to 1e-9"
+        "the {member}'s compliance integral did not converge: relative error {error:.1e}, required 1e-9"
     )]
     ComplianceUnresolved {
         /// The gear concerned.

@@ -118,7 +118,7 @@ pub enum Error {
     #[error("the stored model is not valid")]
     Json(#[source] serde_json::Error),
     /// A number of a stored model or of the options is out of its domain.
-    #[error("{what}: no fitted model can have the value {value}")]
+    #[error("{what} is {value}, which is invalid for a fitted model")]
     OutOfRange {
         /// Name of the parameter.
         what: &'static str,

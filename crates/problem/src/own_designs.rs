@@ -9,7 +9,8 @@ use crate::{Campaign, FileError};
 const ROUNDING: f64 = 1e-9;
 
 /// The reason why the user's own samples are refused.
-const DRAWN: &str = "the samples follow from random numbers of the campaign, which those of another program do not have";
+const DRAWN: &str =
+    "the campaign itself draws the random numbers of each sample, so known samples cannot be used";
 /// The reason why the user's own responses are refused.
 const COMPUTED: &str = "the built-in model computes the responses itself";
 
@@ -452,7 +453,7 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(
-            error.contains("doe.samples is 1, but must be absent: the samples follow from"),
+            error.contains("doe.samples is 1, but must be absent: the campaign itself draws"),
             "{error}"
         );
     }

@@ -284,7 +284,7 @@ impl Setting {
                     step > 0.0 && to - from >= step && (to - from) / step < MOST_STEPS,
                     key,
                     self,
-                    "[low, high, step] with a step above 0, of which there are 1 to 999 from low to high",
+                    "[low, high, step] with step > 0 and 1 to 999 steps between low and high",
                 )
             }
             Self::Fixed(value) => source.within(key, value, low, high, ""),
@@ -303,7 +303,7 @@ impl FrozenSection {
     pub(super) fn validate(&self, source: Source<'_>, bounds: &Bounds) -> Result<(), FileError> {
         let settings = bounds.settings();
         let is_free = |setting: &Setting| setting.range().is_some();
-        let expected = "absent where bounds leave nothing of it free";
+        let expected = "absent: bounds fix this variable";
         type Check<'a> = fn(Source<'a>, &str, f64) -> Result<(), FileError>;
         let radii: [(_, _, _, Check<'_>); 2] = [
             (

@@ -287,7 +287,7 @@ impl Campaign {
             .count();
         if unused > 0 {
             warnings.push(format!(
-                "doe.samples has more than {most} samples of {unused} designs: sampling takes the first {most}"
+                "doe.samples has more than {most} samples for {unused} designs: only the first {most} of each are used"
             ));
         }
         if let Some(sections) = self.gears()
@@ -355,8 +355,9 @@ impl Campaign {
             return None;
         };
         Some(format!(
-            "{key} beside [manufacture] states too small an error of the percentile, because ΔSTE is not \
-             normal over slope deviations: sampling.estimator = \"chosen\" tests for that"
+            "{key} with [manufacture] underestimates the standard error of the percentile, because random slope \
+             deviations make ΔSTE non-normal: use sampling.estimator = \"chosen\", which tests for normality and \
+             excludes a control variate"
         ))
     }
 

@@ -111,7 +111,7 @@ impl ConstraintSection {
             !self.cheap,
             &key("cheap"),
             self.cheap,
-            "absent beside measure: samples have their cost",
+            "absent with measure: a measure needs samples, which are not cheap",
         )?;
         if let [Some(min), Some(_)] = limits {
             let expected = "absent beside max: two limits of a measure are two constraints";

@@ -112,10 +112,10 @@ impl VariableSection {
         }
         let [low_key, high_key] = ["low", "high"].map(|end| format!("{section}.{end}"));
         let Some(low) = self.low else {
-            return Err(source.missing(&low_key, "given, or values in the place of low and high"));
+            return Err(source.missing(&low_key, "given: a variable needs low and high, or values"));
         };
         let Some(high) = self.high else {
-            return Err(source.missing(&high_key, "given beside low"));
+            return Err(source.missing(&high_key, "given together with low"));
         };
         const FINITE: &str = "a finite number. For a variable without a bound, give the widest range that makes sense; \
                               for one that ranges over decades, make its logarithm the variable";
@@ -279,7 +279,7 @@ impl ExternalSections {
                 !response.baseline || is_of_objective,
                 &format!("{section}.baseline"),
                 response.baseline,
-                "absent, unless the objective is of this response alone",
+                "absent: a response can have a baseline only if it alone is the objective",
             )?;
         }
         let combination = objective.response.as_ref();
@@ -300,7 +300,8 @@ impl ExternalSections {
         let names: BTreeSet<&str> = responses.chain(limits).collect();
         let lacks = names.iter().find(|name| !read.contains_key(**name));
         if let (false, Some(lacks)) = (read.is_empty(), lacks) {
-            let expected = "given, as the place of every response is";
+            let expected =
+                "given: simulator.read must have the place of every response in the result file";
             return Err(source.missing(&format!("simulator.read.{lacks}"), expected));
         }
         let unknown = read

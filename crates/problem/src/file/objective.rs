@@ -217,7 +217,7 @@ impl Objective {
             self.measure != MeasureName::Exceedance || !is_gears,
             "objective.measure",
             self.measure,
-            "another for a gear pair, whose tables and charts are in µm: a percentile asks the same from the other side",
+            "another measure for a gear pair, such as \"percentile\": tables and charts of gear campaigns show the measure in µm",
         )?;
         self.validate_measure(source, "objective")
     }

@@ -214,28 +214,27 @@ impl Sampling {
             plain || rule.harrell_davis().is_none(),
             "sampling.estimator",
             rule,
-            "\"paper\" or \"normal\" with a control variate, whose estimate is m + z s of a normal response",
+            "\"paper\" or \"normal\" with a control variate: its estimate m + z s assumes a normal response",
         )?;
         source.require(
             rule != EstimatorRule::ChosenBootstrap || self.objective.level().is_some(),
             "sampling.estimator",
             rule,
-            "another beside a measure that is no percentile, which alone has the bootstrap variance",
+            "another estimator, such as \"chosen\": only percentiles have a bootstrap variance, and the measure is not one",
         )?;
         let even = self.coefficients != WearCoefficients::Independent;
         source.require(
             !self.objective.is_probability() || plain && !even,
             "objective.measure",
             "exceedance",
-            "another beside a control variate or coefficients that depend on each other, with which \
-             the measure is m + z s",
+            "another measure: with a control variate or dependent coefficients, probabilities cannot be \
+             estimated from m + z s",
         )?;
         source.require(
             plain || self.precision.is_none(),
             "sampling.precision",
             self.precision,
-            "left out beside a control variate, with which samples_per_design samples are as good as \
-             thousands",
+            "absent with a control variate: every design then gets samples_per_design samples",
         )?;
         self.validate_coefficients(source, has_scores)?;
         source.count(
@@ -292,21 +291,19 @@ impl Sampling {
             (
                 has_scores,
                 "\"independent\" where a program draws its random effects itself: only the built-in model's wear \
-                 and the inputs of [[random]] are made of coefficients",
+                 and the inputs of [[random]] have coefficients",
             ),
             (
                 self.control == ControlVariate::None,
-                "\"independent\" beside a control variate, whose variance takes samples that do not \
-                 depend on each other",
+                "\"independent\" with a control variate: its variance estimate requires independent samples",
             ),
             (
                 self.precision.is_none(),
-                "\"independent\" beside precision, with which samples come in batches of any size",
+                "\"independent\" with sampling.precision: the batches of samples can then have any size",
             ),
             (
                 rule.harrell_davis().is_none(),
-                "\"independent\" beside an estimator that tests for normality: the test of normality takes \
-                 samples that do not depend on each other",
+                "\"independent\" with an estimator that tests for normality: the test requires independent samples",
             ),
         ];
         for (holds, expected) in requirements {

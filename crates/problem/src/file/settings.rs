@@ -156,7 +156,7 @@ impl Doe {
             self.method != doe::Method::Sobol || !is_own,
             "doe.method",
             self.method,
-            "\"maximin\" or \"random\" beside designs of one's own, which do not continue a Sobol sequence",
+            "\"maximin\" or \"random\" with doe.points or doe.table: a Sobol sequence cannot start with given designs",
         )
     }
 }

@@ -150,7 +150,7 @@ impl SimulatorSection {
             self.read.is_empty() || self.template.is_some() || !has_program,
             "simulator.read",
             self.read.keys().collect::<Vec<_>>(),
-            "absent without template and result: it says how a result file is read",
+            "absent without template and result: it describes the lines of the result file",
         )?;
         for (name, place) in &self.read {
             place.validate(source, &format!("simulator.read.{name}"))?;
