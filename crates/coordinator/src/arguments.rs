@@ -163,7 +163,7 @@ pub(crate) struct Plan {
     /// The folder of the shards; one that is not empty is refused
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// The folder of the report, once nothing is left to compute [default: NAME-report]
+    /// The folder of the report, which is written if no job is missing [default: NAME-report]
     #[arg(long, value_name = "DIR")]
     pub(crate) report: Option<PathBuf>,
     /// Print one JSON object

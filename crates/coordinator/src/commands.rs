@@ -442,7 +442,7 @@ fn init(arguments: &arguments::Init) -> Result<u8, ProgramError> {
     }
     write_new(&arguments.file, &Campaign::pair_named(stem))?;
     print(&format!(
-        "{} holds the profile shifts of a helical gear pair cut with standard hobs: edit it, then check it\n",
+        "{} optimises the profile shifts of a helical gear pair cut with standard hobs: edit it, then check it\n",
         arguments.file.display()
     ))?;
     Ok(exit::OK)

@@ -230,7 +230,7 @@ pub struct PairInput {
     /// Tip diameter, mm, where the blank was turned to one instead of being cut by the tool.
     pub tip_diameter: [Option<f64>; 2],
     /// Radius at which the body of the gear is clamped, mm: its bore, or the hub of a stiff shaft. `None` is
-    /// 3.5 modules below the root circle. Only [`ToothModel::Coupled`] knows of it.
+    /// 3.5 modules below the root circle. Only [`ToothModel::Coupled`] uses it.
     pub hub_radius: [Option<f64>; 2],
     /// The model of the deformation of teeth.
     pub tooth_model: ToothModel,

@@ -34,15 +34,15 @@ pub enum Table {
     Responses,
     /// The kriging model's leave-one-out predictions.
     Loo,
-    /// What the approaches found.
+    /// The optimum of each approach.
     Optima,
     /// What every round of infill decided.
     Rounds,
     /// The infill points, with the measure of the samples that each brought.
     Infill,
-    /// What an external simulator said of each candidate of the optimiser's runs.
+    /// The answer of an external simulator for each candidate of the optimiser's runs.
     Evaluations,
-    /// Everything that went wrong, in its order, with all that was said about it.
+    /// Crashes, failures and quarantined jobs, with their errors, in the order in which they occurred.
     Failures,
     /// Which worker process computed which samples, of designs, optima and infill points.
     Blocks,

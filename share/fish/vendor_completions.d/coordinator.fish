@@ -97,7 +97,7 @@ complete -c coordinator -n "__fish_coordinator_using_subcommand serve" -s h -l h
 complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l db -d 'The store; a campaign that it holds is continued' -r -F
 complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l shards -d 'Number of shards to divide the jobs among' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l out -d 'The folder of the shards; one that is not empty is refused' -r -F
-complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l report -d 'The folder of the report, once nothing is left to compute [default: NAME-report]' -r -F
+complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l report -d 'The folder of the report, which is written if no job is missing [default: NAME-report]' -r -F
 complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l log-format -d 'The format of the log' -r -f -a "text\t'Lines for people'
 json\t'One JSON object per line'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand plan" -l allow-network-store -d 'Accept a store on a network file system, whose locks and syncs may be unreliable'
@@ -235,11 +235,11 @@ complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l table
 samples\t'Every sample'
 responses\t'The measure of every sampled design'
 loo\t'The kriging model\'s leave-one-out predictions'
-optima\t'What the approaches found'
+optima\t'The optimum of each approach'
 rounds\t'What every round of infill decided'
 infill\t'The infill points, with the measure of the samples that each brought'
-evaluations\t'What an external simulator said of each candidate of the optimiser\'s runs'
-failures\t'Everything that went wrong, in its order, with all that was said about it'
+evaluations\t'The answer of an external simulator for each candidate of the optimiser\'s runs'
+failures\t'Crashes, failures and quarantined jobs, with their errors, in the order in which they occurred'
 blocks\t'Which worker process computed which samples, of designs, optima and infill points'
 model\t'The kriging model with its inputs and their bounds, as `fit --out` writes one: one JSON object'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l pair -d 'Write the optimum of an approach as a pair file for `simulate`; one that exists is refused' -r -F

@@ -91,7 +91,7 @@ pub struct Pair {
     /// Treatment of a tip that reaches the mate's root.
     pub tip_rule: gear::TipRule,
     /// Radii at which the bodies of both gears are clamped, mm: their bores, or the hubs of stiff shafts. If
-    /// absent, 3.5 modules below the root circle. Only the tooth model `coupled` knows of them.
+    /// absent, 3.5 modules below the root circle. Only the tooth model `coupled` uses them.
     pub hub_radius_mm: Option<[f64; 2]>,
 }
 

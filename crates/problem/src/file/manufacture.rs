@@ -13,7 +13,7 @@ pub struct Manufacture {
     /// Flank tolerance class of both gears by ISO 1328-1, from 1, the finest, to 11.
     pub flank_class: Option<gear::FlankClass>,
     /// Tolerance ± of the misalignment of the shafts over the face width, µm in the plane of action; three
-    /// standard deviations. The tooth model `whole-face-beam` does not know of it.
+    /// standard deviations. Must be absent with the tooth model `whole-face-beam`.
     pub misalignment_um: Option<f64>,
     /// Tolerance ± of the amounts of tip relief, µm; three standard deviations.
     #[serde(skip_serializing_if = "Option::is_none")]

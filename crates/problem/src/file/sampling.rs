@@ -36,8 +36,8 @@ pub struct Sampling {
     pub coefficients: WearCoefficients,
     /// Number of samples in each sequence of quasi-random coefficients, a power of two; 8 if absent.
     pub group: Option<u32>,
-    /// What a sample means that fails for good, or is answered with `refused`, NaN or infinity; only with
-    /// an external simulator.
+    /// How a failed sample enters the measure; only with an external simulator. A sample has failed if its attempts are
+    /// used up, or if the program answers `refused`, NaN or infinity.
     #[serde(default)]
     pub failed: FailedSamples,
     /// `[objective]`: the measure that is estimated.
@@ -58,8 +58,8 @@ pub enum FailedSamples {
     LeftOut,
     /// A design with a failed sample has no measure.
     RefusesDesign,
-    /// A sample that fails for good quarantines its design, which waits for `coordinator retry` or for
-    /// the same command again. One that is answered with no number is a failure, too.
+    /// A sample whose attempts are used up quarantines its design, which waits for `coordinator retry` or for
+    /// the same command again. An answer without a number is a failure, too.
     QuarantinesDesign,
 }
 
@@ -86,8 +86,9 @@ pub enum ControlVariate {
     #[default]
     None,
     /// The part of ΔSTE that is linear in the coefficients of the wear. It
-    /// costs two analyses per coefficient, about 26 per design, and explains nearly all of a sample's
-    /// variance, so the measure from 30 samples is as good as one from thousands.
+    /// costs two analyses per coefficient, about 26 per design. With random wear alone, the root mean square error of P90
+    /// from 30 samples is an eighth of that without it in the median; with flank class 6 in `[manufacture]` it is six
+    /// sevenths.
     Linearised,
 }
 

@@ -16,8 +16,8 @@ pub struct Doe {
     /// The kind of design.
     #[serde(default)]
     pub method: doe::Method,
-    /// Designs of one's own, each a list of the variables that are not fixed, in their order. They are the first designs,
-    /// and the searches of the baseline begin at them.
+    /// Your own designs, each a list with the values of the variables that are not fixed, in their order. They are the first
+    /// designs, and the searches of the baseline begin at them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub points: Vec<Vec<f64>>,
     /// Known samples of the first `points`: for each a list of samples, each with a value of every sampled response. They
@@ -108,15 +108,15 @@ impl Optimise {
     }
 }
 
-/// `[verify]`: the number of verification samples at each optimum, fixed or from the interval wanted. Without either
-/// key, `half_width` is 0.005 for the built-in model, and `samples` is 500 for a program.
+/// `[verify]`: the number of verification samples at each optimum, given directly or by the width of the interval. Without
+/// either key, `half_width` is 0.005 for the built-in model, and `samples` is 500 for a program.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Verify {
     /// Number of verification samples at each optimum.
     pub samples: Option<u32>,
-    /// Half the width of the 95 % interval that is aimed at, relative to the percentile: the first
-    /// 4000 samples of an optimum tell how many it takes.
+    /// Target half width of the 95 % interval, relative to the percentile. The number of samples is estimated from the
+    /// first 4000 samples of an optimum.
     pub half_width: Option<f64>,
 }
 

@@ -1,4 +1,4 @@
-//! `[wear]`: the law of the mean wear, by the number that it takes, and the random field.
+//! `[wear]`: the law of the mean wear and its amount, and the random field.
 
 use gear::paper::{MAX_DEPTH_UM, WEAR};
 use gear::{Kernel, LocalAmount, Wear, WearLaw};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error as _};
 use super::FileError;
 use super::validate::{InvalidValue, Source};
 
-/// `[wear]`: the law of the mean wear, by the number that it takes, and its random field.
+/// `[wear]`: the mean wear, whose law follows from the amount that is given, and its random field.
 ///
 /// The defaults belong to the 2009 paper: the depth is the one that fits its tables, see the documentation of `gear::paper`.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize, JsonSchema)]
@@ -40,9 +40,9 @@ pub(super) struct WearSection {
     range_rad: f64,
     /// Variance of the random field, whose mean is 1.
     variance: f64,
-    /// The share of the depth that a pair has worn off when it is met: random and evenly distributed between the two
-    /// numbers, as for a gear that wears evenly over its life and is met at any time of it. `[0.0, 1.0]` is a whole
-    /// life from new to worn. The whole depth if absent.
+    /// Range of the worn share of the depth. The share is random, with a uniform distribution between the two numbers,
+    /// as for a pair that wears at a constant rate and is observed at a random time of its life. `[0.0, 1.0]` is a
+    /// whole life from new to worn. If absent, every pair has the whole depth.
     #[serde(skip_serializing_if = "Option::is_none")]
     life: Option<[f64; 2]>,
 }
