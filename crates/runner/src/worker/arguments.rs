@@ -12,7 +12,7 @@ use crate::identity;
 /// Leases jobs from a coordinator, simulates, and reports the results.
 // Batch scripts and service files append the user's options to their own: the last one counts.
 #[derive(Debug, Parser)]
-#[command(version = identity::BUILD, after_help = console::help_footer(), args_override_self = true)]
+#[command(name = "worker", version = identity::BUILD, after_help = console::help_footer(), args_override_self = true)]
 pub struct Arguments {
     /// The format of the log
     #[arg(long, value_enum, default_value_t)]
@@ -50,4 +50,17 @@ pub struct Arguments {
     /// Seconds without any job after which to leave
     #[arg(long, value_name = "SECONDS")]
     pub idle_exit: Option<u64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    #[test]
+    fn the_version_names_the_program() {
+        let version = Arguments::command().render_version();
+        assert_eq!(version.trim_end(), format!("worker {}", identity::BUILD));
+    }
 }
