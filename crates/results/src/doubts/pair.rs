@@ -47,11 +47,15 @@ pub fn of_design(problem: &Problem, design: &Design) -> Vec<String> {
     let Some(gears) = problem.gears().filter(|_| built_in) else {
         return Vec::new();
     };
+    // A campaign with a load case of new flanks compares designs new already.
+    let sections = problem.campaign().gears();
+    let cases = sections.map_or(&[][..], |sections| &sections.load.cases);
+    let compares_new = cases.iter().any(|case| case.wear == 0.0);
     gears.pair(design).map_or_else(
         |_| Vec::new(),
         |pair| {
-            let worn = pair.archard(gears.wear()).analysis;
-            of(&pair, &Loaded::new(&pair.unworn(), Some(&worn)))
+            let worn = (!compares_new).then(|| pair.archard(gears.wear()).analysis);
+            of(&pair, &Loaded::new(&pair.unworn(), worn.as_ref()))
         },
     )
 }
@@ -261,5 +265,25 @@ contact_limit_mpa = 1500.0
             |doubts: &[String]| doubts.iter().any(|one| one.contains("pinion_torque_nm"));
         assert!(!has_torque(&of_torque(1.0)));
         assert!(has_torque(&of_torque(1e-3)));
+    }
+
+    #[test]
+    fn a_campaign_with_a_case_of_new_flanks_is_not_advised_to_compare_them() {
+        for printed in &gear::paper::printed::PRINTED {
+            let design = Design::new(printed.variables.to_vec());
+            let of_wear = |wear: f64| {
+                let mut campaign =
+                    problem::Campaign::parse("c.toml", problem::Campaign::PAPER).unwrap();
+                let sections = campaign.gears_mut().unwrap();
+                sections.load.cases = vec![problem::file::LoadCase {
+                    wear,
+                    ..problem::file::LoadCase::default()
+                }];
+                of_design(&Problem::new(campaign), &design)
+            };
+            let mut others = of_wear(1.0);
+            others.retain(|doubt| !doubt.starts_with("louder when new"));
+            assert_eq!(of_wear(0.0), others, "figure {}", printed.figure);
+        }
     }
 }
