@@ -42,7 +42,24 @@ const BESIDE: u64 = 1 << 20;
 /// A sentence: the model is missing or cannot be read, or the simulator failed. A run without any
 /// simulable design is a result, not an error.
 pub fn run(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> {
-    let result = run_while(simulator, run, &|| true).map_err(|error| error.to_string())?;
+    let search = Search::new(simulator.problem(), run)?;
+    ended(simulator, run, search)
+}
+
+/// Like [`run`], but ends with its budget, even without a feasible design.
+///
+/// # Errors
+///
+/// As [`run`].
+pub fn trial(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> {
+    let search = Search::beside(simulator.problem(), run, 0)?;
+    ended(simulator, run, search)
+}
+
+/// The result of a search that nothing stops.
+fn ended(simulator: &dyn Simulator, run: &Run, search: Search) -> Result<RunResult, String> {
+    let result = search.run_while(simulator, run, &|| true);
+    let result = result.map_err(|error| error.to_string())?;
     result.ok_or_else(|| "the run was stopped".to_owned())
 }
 
@@ -57,38 +74,8 @@ pub(crate) fn run_while(
     run: &Run,
     keep_going: &dyn Fn() -> bool,
 ) -> Result<Option<RunResult>, NoAnswer> {
-    let problem = simulator.problem();
-    let mut search = Search::new(problem, run).map_err(NoAnswer::Failed)?;
-    loop {
-        if !keep_going() {
-            return Ok(None);
-        }
-        // One after the other, because the questions about a candidate depend on the best one
-        // before it.
-        let mut told = Vec::new();
-        for unit in search.draw() {
-            let candidate = search.candidate(problem, unit);
-            let answered = match &candidate.design {
-                Some(design) if candidate.is_asked => {
-                    match answer(simulator, run.approach, design, candidate.may_improve) {
-                        Ok(answer) => Some(answer),
-                        Err(NoAnswer::Refused(_)) => None,
-                        Err(NoAnswer::Failed(error)) => {
-                            let calls = search.seen.simulator_calls;
-                            let error = format!("simulator call {calls}: {error}");
-                            return Err(NoAnswer::Failed(error));
-                        }
-                        Err(machine) => return Err(machine),
-                    }
-                }
-                _ => None,
-            };
-            told.push(search.evaluation(problem, &candidate, answered));
-        }
-        if !search.tell(&told).map_err(NoAnswer::Failed)? {
-            return Ok(Some(search.result()));
-        }
-    }
+    let search = Search::new(simulator.problem(), run).map_err(NoAnswer::Failed)?;
+    search.run_while(simulator, run, keep_going)
 }
 
 /// A run in progress.
@@ -202,6 +189,46 @@ impl Search {
             history: Vec::new(),
             restarts: Vec::new(),
         })
+    }
+
+    /// Evaluates one generation after the other in this thread, as long as `keep_going` returns true.
+    fn run_while(
+        mut self,
+        simulator: &dyn Simulator,
+        run: &Run,
+        keep_going: &dyn Fn() -> bool,
+    ) -> Result<Option<RunResult>, NoAnswer> {
+        let problem = simulator.problem();
+        loop {
+            if !keep_going() {
+                return Ok(None);
+            }
+            // One after the other, because the questions about a candidate depend on the best one
+            // before it.
+            let mut told = Vec::new();
+            for unit in self.draw() {
+                let candidate = self.candidate(problem, unit);
+                let answered = match &candidate.design {
+                    Some(design) if candidate.is_asked => {
+                        match answer(simulator, run.approach, design, candidate.may_improve) {
+                            Ok(answer) => Some(answer),
+                            Err(NoAnswer::Refused(_)) => None,
+                            Err(NoAnswer::Failed(error)) => {
+                                let calls = self.seen.simulator_calls;
+                                let error = format!("simulator call {calls}: {error}");
+                                return Err(NoAnswer::Failed(error));
+                            }
+                            Err(machine) => return Err(machine),
+                        }
+                    }
+                    _ => None,
+                };
+                told.push(self.evaluation(problem, &candidate, answered));
+            }
+            if !self.tell(&told).map_err(NoAnswer::Failed)? {
+                return Ok(Some(self.result()));
+            }
+        }
     }
 
     /// The next generation, to be evaluated in any order.

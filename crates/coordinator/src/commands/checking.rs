@@ -533,7 +533,7 @@ fn measure_runs(problem: &Problem) -> anyhow::Result<f64> {
             from: None,
         };
         let before = thread_seconds();
-        let result = optimise::run(&short, &run)
+        let result = optimise::trial(&short, &run)
             .map_err(anyhow::Error::msg)
             .context("a trial run of the optimiser")?;
         let each = (thread_seconds() - before) / result.evaluations.max(1) as f64;

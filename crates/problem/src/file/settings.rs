@@ -74,7 +74,8 @@ pub struct Optimise {
     pub parents: u32,
     /// Initial step size, as a fraction of each variable's range.
     pub step: f64,
-    /// Number of evaluations per start.
+    /// Largest number of evaluations per start. With `restarts = "from-best"` a run ends before that, after a restart
+    /// that improves its best value by less than a millionth.
     pub evaluations: u32,
     /// How a search that has stopped restarts.
     pub restarts: Restarts,
