@@ -147,7 +147,10 @@ fn chart(simulated: &[ScenarioResult]) -> TradeoffChart {
         cost: "workers".to_owned(),
         error: "processors".to_owned(),
         series,
-        front: Vec::new(),
+        line: TradeoffSeries {
+            name: String::new(),
+            points: Vec::new(),
+        },
         campaign: Vec::new(),
         recommended: None,
         recommendation: String::new(),
