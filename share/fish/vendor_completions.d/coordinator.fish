@@ -201,7 +201,7 @@ json\t'One JSON object per line'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand pareto" -l json -d 'Print the tables as one JSON object instead of the page'
 complete -c coordinator -n "__fish_coordinator_using_subcommand pareto" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l out -d 'The folder of tables, charts and page; studies in it of the same campaign, size and program are not measured again [default: NAME-tradeoff]' -r -F
-complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l study -d 'Measure only these studies: simulator, contact, percentile, estimators, kriging, optimisation, runner, cores' -r
+complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l study -d 'Measure only these studies: simulator, contact, percentile, estimators, kriging, optimisation, runner, cores, growth' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l designs -d 'Number of designs to measure, for tests of the command' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l log-format -d 'The format of the log' -r -f -a "text\t'Lines for people'
 json\t'One JSON object per line'"
@@ -242,12 +242,12 @@ evaluations\t'The answer of an external simulator for each candidate of the opti
 failures\t'Crashes, failures and quarantined jobs, with their errors, in the order in which they occurred'
 blocks\t'Which worker process computed which samples, of designs, optima and infill points'
 model\t'The kriging model with its inputs and their bounds, as `fit --out` writes one: one JSON object'"
-complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l pair -d 'Write the optimum of an approach as a pair file for `simulate`; one that exists is refused' -r -F
+complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l pair -d 'Write an optimum as a pair file for `simulate`; one that exists is refused' -r -F
 complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l format -d 'The form of the table; the model is always JSON' -r -f -a "csv\t'One header line, units in the names'
 json\t'One JSON object, with `schema_version` and the rows as objects'
 parquet\t'A Parquet file, units in its metadata'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l out -d 'The table\'s file, or - for standard output; one that exists is refused' -r -F
-complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l approach -d 'The approach whose optimum --pair writes' -r
+complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l approach -d 'The approach whose optimum --pair writes [default: the recommended one]' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l log-format -d 'The format of the log' -r -f -a "text\t'Lines for people'
 json\t'One JSON object per line'"
 complete -c coordinator -n "__fish_coordinator_using_subcommand export" -l infeasible -d 'Write the design that violates the constraints least, where the approach found no feasible one'
