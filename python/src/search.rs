@@ -156,6 +156,7 @@ impl Run {
         let search = options(&bounds, population, parents, step)?;
         let dimension = search.bounds.dimension();
         let options = RunOptions {
+            tolerance: 0.0,
             search,
             evaluations,
             restarts: serde_json::from_value(restarts.into()).map_err(raised)?,
