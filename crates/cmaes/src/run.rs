@@ -225,7 +225,7 @@ impl Run {
         };
         if let Some(cause) = cause {
             self.planned &= !due;
-            self.is_settled = matches!(cause, Cause::Stopped(_)) && self.has_gained_nothing();
+            self.is_settled = has_converged(cause) && self.has_gained_nothing();
             if self.is_settled {
                 return Ok(());
             }
@@ -373,4 +373,14 @@ impl Run {
             restarts: self.restarts,
         })
     }
+}
+
+/// Whether a search ended at an optimum. On a plateau, and where all candidates fail, another search may find more.
+fn has_converged(cause: Cause) -> bool {
+    matches!(
+        cause,
+        Cause::Stopped(
+            Stop::ValueTolerance { .. } | Stop::StepTooSmall { .. } | Stop::IllConditioned { .. }
+        )
+    )
 }

@@ -1,7 +1,7 @@
 //! Whole runs: the budget, the restarts, and what is reported.
 
 use super::{cube, planned, rng};
-use cmaes::{Cause, Evaluation, Outcome, Stop, minimise_run};
+use cmaes::{Cause, Error, Evaluation, Outcome, Restarts, RunOptions, Stop, minimise_run};
 
 fn sphere(x: &[f64]) -> f64 {
     x.iter().map(|v| v * v).sum()
@@ -42,6 +42,42 @@ fn the_whole_budget_is_used_and_the_planned_restart_comes() {
             .filter(|restart| stopped(restart))
             .count()
             > 3
+    );
+}
+
+/// The sphere with the minimum 1, a plateau, and failures everywhere.
+#[test]
+fn a_run_with_a_tolerance_ends_after_a_restart_that_gains_nothing() {
+    let ended = |objective: &dyn Fn(&[f64]) -> f64, tolerance, restarts| {
+        let run = RunOptions {
+            tolerance,
+            restarts,
+            restart_at: None,
+            ..planned(cube(-5.0, 5.0, 6), 12_000, 6000)
+        };
+        let mut objective = |x: &[f64]| objective(x);
+        minimise_run(&[3.0; 6], run, &mut rng(1), &mut objective)
+    };
+    let raised = |x: &[f64]| 1.0 + sphere(x);
+    let outcome = ended(&raised, 1e-6, Restarts::FromBest).unwrap();
+    assert_eq!(outcome.restarts.len(), 1);
+    assert!(outcome.evaluations < 4000, "{}", outcome.evaluations);
+    assert!(outcome.value - 1.0 < 1e-6, "{}", outcome.value);
+    // The tolerance is relative: a minimum of 0 is followed until rounding ends the search.
+    let outcome = ended(&sphere, 1e-6, Restarts::FromBest).unwrap();
+    assert!(outcome.value < 1e-12, "{}", outcome.value);
+    for (tolerance, restarts) in [(0.0, Restarts::FromBest), (1e-6, Restarts::Ipop)] {
+        let outcome = ended(&raised, tolerance, restarts).unwrap();
+        assert_eq!(outcome.evaluations, 12_000, "{restarts:?}");
+    }
+    let outcome = ended(&|_| 7.0, 1e-6, Restarts::FromBest).unwrap();
+    assert_eq!(outcome.evaluations, 12_000, "a plateau is no optimum");
+    let failed = ended(&|_| f64::NAN, 1e-6, Restarts::FromBest);
+    assert_eq!(
+        failed,
+        Err(Error::NothingUsable {
+            evaluations: 12_000
+        })
     );
 }
 

@@ -236,7 +236,7 @@ fn bad_tables_and_models_are_refused_by_file_line_and_column() {
         &["kept.json", "it exists"],
     );
     let predict = |model: &'static str| ["predict", "--model", model, "--at", "at.csv"];
-    refused(&predict("kept.json"), 3, &["kept.json", "no model file"]);
+    refused(&predict("kept.json"), 3, &["kept.json", "not a model file"]);
     refused(&["predict", "--at", "at.csv"], 2, &["--model", "--db"]);
     let out = [&fit("data.csv")[..], &["--out", "m.json"]].concat();
     assert_code(&sandbox.coordinator(&out), 0);

@@ -273,7 +273,7 @@ fn what_cannot_be_measured_is_refused_in_words() {
         ),
         (
             "[[responses]]\nname = \"y\"\nbaseline = true\n".to_owned(),
-            "the objective is of this response alone",
+            "only if it alone is the objective",
         ),
     ] {
         let error = parse(&more).map(|_| ()).unwrap_err();

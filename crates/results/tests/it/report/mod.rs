@@ -429,7 +429,7 @@ fn values_that_are_not_finite_are_dashes() {
 fn the_enrichment_is_told_in_sentences() {
     let text = markup::text(&render(&plausible()).unwrap().html);
     for expected in [
-        "4 rounds asked for 66 new designs and 30 further turns",
+        "4 rounds asked for 66 new designs and 30 times for additional samples",
         "2880 samples beside the 10\u{202f}500 of the DoE, 13\u{202f}380 in all. 2 of the points failed.",
         "predicts a P90 of 1.360 µm (95 % interval [1.345; 1.375])",
         "Verification samples give 1.350 µm, which lies within",

@@ -233,7 +233,7 @@ fn what_cannot_be_imported_is_refused_by_component_and_attribute() {
         (
             "type=\"gear_unit\" name",
             "type=\"planetary_stage\" name",
-            "planetary_stage \"A & B <1>\" (component 1) is no external",
+            "planetary_stage \"A & B <1>\" (component 1) is not an external",
         ),
         (
             "type=\"shaft\" name",
