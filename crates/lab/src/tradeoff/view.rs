@@ -75,7 +75,7 @@ impl<'a> View<'a> {
             ),
             (Reason::CheapestWithin(_), Rule::PowerLaw) => "the cheapest".to_owned(),
             (Reason::MostAccurate, Rule::Within(limit)) => format!(
-                "the most accurate, since no measured setting has a {error} of at most {}",
+                "the most accurate, since no measured {error} is at most {}",
                 amount(limit, error_unit)
             ),
             (Reason::MostAccurate, _) => "the most accurate".to_owned(),
