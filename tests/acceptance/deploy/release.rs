@@ -50,12 +50,10 @@ fn archive_and_package_have_programs_manuals_and_licences() {
             .arg("-C")
             .arg(&unpacked),
     );
-    let packages = std::fs::read_dir(&out)
+    let mut packages = std::fs::read_dir(&out)
         .unwrap()
         .map(|entry| entry.unwrap().path());
-    let package = packages
-        .filter(|path| path.extension().is_some_and(|end| end == "deb"))
-        .next();
+    let package = packages.find(|path| path.extension().is_some_and(|end| end == "deb"));
     let package = package.expect("a Debian package");
     let control = done(Command::new("dpkg-deb").arg("--field").arg(&package));
     assert!(control.contains("Depends: libc6 (>= 2."), "{control}");

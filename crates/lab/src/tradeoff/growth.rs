@@ -17,8 +17,8 @@ use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
 use crate::tradeoff::view;
 
-pub(crate) const LEAD: &str = "CPU time of one step against the size of its task, with the power law that fits best. A maximin design tries a \
-     number of exchanges in proportion to n, each of which costs n: n². An exact fit factorises an n × n matrix \
+pub(crate) const LEAD: &str = "CPU time of one step against the size of its task, with the power law that fits best. A maximin design has a \
+     budget of exchanges in proportion to n + 320 and to the number of variables. An exact fit factorises an n × n matrix \
      for each likelihood: n³ in the end, before which building the matrix, n² for each variable, and the subsets where the \
      search begins take a share. Vecchia’s fit takes its parameters from 1000 points; then it looks for neighbours, n² for \
      each variable. A prediction costs n for its mean and n² for its variance. A generation of CMA-ES costs d² for each \
