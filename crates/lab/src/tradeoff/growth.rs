@@ -69,7 +69,10 @@ impl Step<'_> {
             table.rows.push(Row {
                 panel: self.growing.to_owned(),
                 method: self.method.clone(),
-                setting: format!("{size} {}", self.unit),
+                setting: match size {
+                    1 => format!("1 {}", self.unit.trim_end_matches('s')),
+                    _ => format!("{size} {}", self.unit),
+                },
                 is_campaign: false,
                 values: vec![at[0], at[1], exponent],
             });
@@ -89,14 +92,14 @@ pub(crate) fn run(
     let fixed = size.pick(1000, 300, 40);
 
     Step {
-        growing: "designs of a DoE",
+        growing: "Designs of a DoE",
         method: format!("maximin Latin hypercube, {VARIABLES} variables"),
         unit: "designs",
         sizes: count,
     }
     .measure(&mut table, |n| making(n, VARIABLES))?;
     Step {
-        growing: "variables of a DoE",
+        growing: "Variables of a DoE",
         method: format!("maximin Latin hypercube, {fixed} designs"),
         unit: "variables",
         sizes: variables,
@@ -106,7 +109,7 @@ pub(crate) fn run(
 
     let mut predictions = Vec::new();
     Step {
-        growing: "points of an exact fit",
+        growing: "Points of an exact fit",
         method: format!("maximum likelihood, {VARIABLES} variables"),
         unit: "points",
         sizes: count,
@@ -117,7 +120,7 @@ pub(crate) fn run(
         Ok(seconds)
     })?;
     Step {
-        growing: "variables of an exact fit",
+        growing: "Variables of an exact fit",
         method: format!("maximum likelihood, {fixed} points"),
         unit: "variables",
         sizes: variables,
@@ -127,7 +130,7 @@ pub(crate) fn run(
     })?;
     let mut predictions = predictions.into_iter();
     Step {
-        growing: "points behind a prediction",
+        growing: "Points behind a prediction",
         method: "mean and variance by an exact model".to_owned(),
         unit: "points",
         sizes: count,
@@ -136,7 +139,7 @@ pub(crate) fn run(
         predictions.next().context("a model for each number")
     })?;
     Step {
-        growing: "points of Vecchia’s fit",
+        growing: "Points of Vecchia’s fit",
         method: format!("Vecchia, {VARIABLES} variables"),
         unit: "points",
         sizes: size.pick(&[2000, 8000, 32_000], &[500, 1000, 2000], &[50, 100]),
@@ -148,7 +151,7 @@ pub(crate) fn run(
     progress("growth: kriging");
 
     Step {
-        growing: "variables of a search",
+        growing: "Variables of a search",
         method: "a generation of CMA-ES without its objective".to_owned(),
         unit: "variables",
         sizes: size.pick(&[2, 5, 10, 20, 50], &[2, 5, 10, 20, 50], &[2, 5]),
@@ -164,7 +167,7 @@ pub(crate) fn run(
     });
     let mut sampler = gears.sampler(&pair);
     Step {
-        growing: "samples of a design",
+        growing: "Samples of a design",
         method: "contact and samples".to_owned(),
         unit: "samples",
         sizes: size.pick(&[1, 10, 100, 1000], &[1, 10, 100, 1000], &[1, 10]),
@@ -236,7 +239,8 @@ fn searching(d: usize) -> anyhow::Result<f64> {
     let start = process_seconds();
     for _ in 0..GENERATIONS {
         let candidates = search.ask(&mut rng);
-        let values: Vec<f64> = candidates.iter().map(|x| x.iter().sum()).collect();
+        let value = |x: &Vec<f64>| x.iter().map(|x| (x - 0.5).powi(2)).sum();
+        let values: Vec<f64> = candidates.iter().map(value).collect();
         search.tell(&values)?;
     }
     Ok((process_seconds() - start) / GENERATIONS as f64)

@@ -16,8 +16,8 @@ pub fn page(
 ) -> TradeoffPage {
     let lead = format!(
         "The cost of methods and settings on this machine, and the distance of their results from converged ones ({} \
-         run). Dashed lines join the Pareto front: settings that no other one beats in both cost and error. Circles mark \
-         the campaign's own settings and the recommended ones.",
+         run). Dashed lines join the Pareto front: settings that no other one beats in both cost and error; \
+         in the studies Cores and Growth they are power laws. Circles mark the campaign's own settings and the recommended ones.",
         size.name()
     );
     let notes = [
