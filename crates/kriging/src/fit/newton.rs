@@ -15,15 +15,16 @@ const LONGEST_STEP: f64 = 2.0;
 /// Armijo's constant: the least decrease of an accepted step, relative to that of the tangent.
 const SUFFICIENT: f64 = 1e-4;
 
-/// Predicted decrease below which a search that no step improves counts as converged: it may be
-/// rounding of value and gradient, and is insignificant in a log likelihood.
-const HIDDEN: f64 = 1e-3;
+/// Predicted decrease that is insignificant in a log likelihood: the step that promises it changes the parameters by
+/// √(2·10⁻³), a twentieth of their standard errors. A search that no step improves counts as converged below it, because
+/// rounding of value and gradient may promise as much.
+pub(super) const INSIGNIFICANT: f64 = 1e-3;
 
 /// Number of rounding errors below which a decrease may not show in values.
 const SEVERAL: f64 = 10.0;
 /// The most lengths tried for a step: an evaluation can take seconds.
 const LENGTHS: usize = 20;
-/// The most lengths tried when no more than [`HIDDEN`] is to be gained.
+/// The most lengths tried when no more than [`INSIGNIFICANT`] is to be gained.
 const FEW_LENGTHS: usize = 4;
 
 /// The end of a search.
@@ -77,7 +78,7 @@ pub(crate) fn minimise(
             break;
         }
         met_failure = false;
-        let is_hidden = promised < HIDDEN.max(SEVERAL * rounding);
+        let is_hidden = promised < INSIGNIFICANT.max(SEVERAL * rounding);
 
         let renews = iterations < limits.renewed;
         let mut t = first_length(&step);

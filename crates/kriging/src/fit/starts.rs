@@ -7,6 +7,7 @@ use rand::seq::SliceRandom as _;
 use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 
+use super::newton::INSIGNIFICANT;
 use super::options::FitOptions;
 use crate::Error;
 use crate::data::scaled::{SIGMA2_BOUNDS, ScaledData};
@@ -29,9 +30,6 @@ const LONGEST_RANGE: f64 = 50.0;
 pub(super) const STAGED: usize = 450;
 /// Predicted improvement below which a likelihood counts as maximal.
 pub(super) const TOLERANCE: f64 = 1e-6;
-/// The same of more than [`STAGED`] points, whose likelihoods cost n³: the step that promises it changes the parameters
-/// by √(2·10⁻³), a twentieth of their standard errors.
-const STAGED_TOLERANCE: f64 = 1e-3;
 
 /// The search for the parameters of one set of data: (ln θ₁ … ln θ_d, or one ln θ for all, ln τ² of a nugget,
 /// ln σ²).
@@ -77,11 +75,8 @@ impl<'a> Search<'a> {
             lower,
             upper,
             order,
-            tolerance: if n > STAGED {
-                STAGED_TOLERANCE
-            } else {
-                TOLERANCE
-            },
+            // A likelihood of many points costs n³.
+            tolerance: if n > STAGED { INSIGNIFICANT } else { TOLERANCE },
         }
     }
 

@@ -11,7 +11,7 @@ use crate::tradeoff::clock::micros;
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Tooth models against finite elements: 288 load cases of 24 spur and helical pairs, bare, relieved, worn, \
      misaligned and crowned, and as “unseen pairs” 264 cases of 22 pairs that influenced no choice. An error of \
@@ -32,8 +32,7 @@ const COLUMNS: [&str; 8] = [
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 4,
-    rule: Rule::Within(15.0),
-    given: false,
+    reading: Reading::Choice(Rule::Within(15.0)),
 }];
 
 /// Phases of the coupled model.

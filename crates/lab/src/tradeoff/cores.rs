@@ -4,12 +4,11 @@ use problem::Campaign;
 use problem::formulation::Problem;
 
 use crate::summary::median;
-use crate::tradeoff::front::Rule;
 use crate::tradeoff::optimisation::scaled;
 use crate::tradeoff::runner::{CampaignTimes, Runner};
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Time of the campaign, as `coordinator run` computes it, on one processor and on twice as many each time, the median \
      of three runs; with --quick of one with a tenth of the designs and evaluations and no enrichment. The time of a stage is \
@@ -25,8 +24,7 @@ const WHOLE: &str = "whole campaign";
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
-    rule: Rule::PowerLaw,
-    given: false,
+    reading: Reading::Growth,
 }];
 
 pub(crate) fn run(

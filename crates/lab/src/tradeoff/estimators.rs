@@ -19,7 +19,7 @@ use crate::tradeoff::data;
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Error of a percentile estimated from 10 to 500 samples of a design, at levels 0.1 to 0.999. The responses are \
      normal, exponential, log-normal and bimodal, one with a rare jump, all with known percentiles, and that of the \
@@ -40,8 +40,7 @@ const COLUMNS: [&str; 6] = [
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
-    rule: Rule::NearBest(0.0),
-    given: false,
+    reading: Reading::Choice(Rule::NearBest(0.0)),
 }];
 
 const LEVELS: [f64; 6] = [0.1, 0.5, 0.9, 0.95, 0.99, 0.999];

@@ -9,8 +9,6 @@ pub enum Rule {
     Within(f64),
     /// The cheapest setting whose error exceeds the least error by at most this share of it.
     NearBest(f64),
-    /// None: the first quantity is the size of the task, and the second its cost, which grows with a power of it.
-    PowerLaw,
 }
 
 /// The reason for a recommendation.
@@ -41,7 +39,7 @@ pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
 }
 
 /// Returns the index of the recommended point (cost, error) with the reason; none without a finite
-/// point and with [`Rule::PowerLaw`].
+/// point.
 #[must_use]
 pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
     let front = front(points);
@@ -50,7 +48,6 @@ pub fn recommend(points: &[[f64; 2]], rule: Rule) -> Option<(usize, Reason)> {
         Rule::Within(limit) => limit,
         // The share applies to the absolute error: an error that is a response may be negative.
         Rule::NearBest(share) => points[best][1] + share * points[best][1].abs(),
-        Rule::PowerLaw => return None,
     };
     let cheapest = front.iter().find(|&&i| points[i][1] <= limit);
     Some(match cheapest {
@@ -158,6 +155,5 @@ mod tests {
         assert!((found.at(7.0) / law(7.0)[1] - 1.0).abs() < 1e-12);
         assert_eq!(PowerLaw::fit(&[law(2.0), law(2.0)]), None);
         assert_eq!(PowerLaw::fit(&[]), None);
-        assert_eq!(recommend(&POINTS, Rule::PowerLaw), None);
     }
 }

@@ -12,10 +12,9 @@ use stats::streams::{Purpose, stream};
 
 use crate::tradeoff::clock::{micros, process_seconds};
 use crate::tradeoff::data;
-use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "CPU time of one step against the size of its task, with the power law that fits best. A maximin design has a \
      budget of exchanges in proportion to n + 320 and to the number of variables. An exact fit factorises an n × n matrix \
@@ -29,8 +28,7 @@ const COLUMNS: [&str; 3] = ["size", "CPU time (s)", "exponent since the size bef
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
-    rule: Rule::PowerLaw,
-    given: false,
+    reading: Reading::Growth,
 }];
 
 /// Variables of tasks whose number of points varies: the DoE of the paper has six.

@@ -14,7 +14,7 @@ use crate::tradeoff::data::{self, Doe};
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Error of the model's mean at held-out designs, a fifth of the campaign's DoE, against CPU time. The truth is the \
      percentile of 500 samples (100 in a quick run). The held-out designs with the lowest tenth of the percentiles are \
@@ -39,14 +39,12 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     view::Pair {
         cost: 0,
         error: 2,
-        rule: NEAR,
-        given: false,
+        reading: Reading::Choice(NEAR),
     },
     view::Pair {
         cost: 1,
         error: 3,
-        rule: NEAR,
-        given: false,
+        reading: Reading::Choice(NEAR),
     },
 ];
 

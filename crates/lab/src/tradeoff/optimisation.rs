@@ -12,7 +12,7 @@ use crate::tradeoff::front::Rule;
 use crate::tradeoff::runner::{ApproachResult, Runner};
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Percentile of the best feasible design of an approach, from verification samples, against calls of the simulator, \
      CPU time with this simulator, and time with one that takes 2 s a call, as the paper's did. Medians and quartiles \
@@ -39,20 +39,17 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     view::Pair {
         cost: 0,
         error: 3,
-        rule: NEAR,
-        given: false,
+        reading: Reading::Choice(NEAR),
     },
     view::Pair {
         cost: 1,
         error: 3,
-        rule: NEAR,
-        given: false,
+        reading: Reading::Choice(NEAR),
     },
     view::Pair {
         cost: 2,
         error: 3,
-        rule: NEAR,
-        given: false,
+        reading: Reading::Choice(NEAR),
     },
 ];
 

@@ -16,7 +16,7 @@ use crate::tradeoff::data::{self, TRIES};
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Error of the percentile of ΔSTE estimated from few samples, against the empirical percentile of 100 000 samples \
      (20 000 with --quick), at random designs that keep the constraints or nearly do. Every second design is the least \
@@ -40,8 +40,7 @@ const TOLERANCE: f64 = 0.25;
 pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
     cost: 0,
     error: 1,
-    rule: Rule::Within(TOLERANCE),
-    given: false,
+    reading: Reading::Choice(Rule::Within(TOLERANCE)),
 }];
 
 /// Numbers of samples.

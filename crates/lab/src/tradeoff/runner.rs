@@ -6,7 +6,7 @@ use results::costs::StageCost;
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Time lost to leases, messages and the store, with workers of one slot in the coordinator's process, against the time \
      of a sample. Beside the built-in simulator there is an external program that sleeps, so that many workers fit on \
@@ -28,14 +28,12 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     view::Pair {
         cost: 0,
         error: 3,
-        rule: LEAST_LOST,
-        given: true,
+        reading: Reading::Given(LEAST_LOST),
     },
     view::Pair {
         cost: 0,
         error: 4,
-        rule: Rule::NearBest(0.5),
-        given: true,
+        reading: Reading::Given(Rule::NearBest(0.5)),
     },
 ];
 

@@ -17,7 +17,7 @@ use crate::tradeoff::clock::micros;
 use crate::tradeoff::front::Rule;
 use crate::tradeoff::size::Size;
 use crate::tradeoff::table::{Row, Table};
-use crate::tradeoff::view;
+use crate::tradeoff::view::{self, Reading};
 
 pub(crate) const LEAD: &str = "Error of ΔSTE against the converged value of the same design, at random designs of the campaign's box, and CPU time \
      of a worn sample and of a new design with its analyses without wear and with Archard's wear. Each tooth model has \
@@ -42,14 +42,12 @@ pub(crate) const PAIRS: &[view::Pair] = &[
     view::Pair {
         cost: 0,
         error: 3,
-        rule: TOLERANCE,
-        given: false,
+        reading: Reading::Choice(TOLERANCE),
     },
     view::Pair {
         cost: 1,
         error: 7,
-        rule: TOLERANCE,
-        given: false,
+        reading: Reading::Choice(TOLERANCE),
     },
 ];
 

@@ -13,10 +13,19 @@ pub struct Pair {
     pub cost: usize,
     /// The column of the error.
     pub error: usize,
-    /// The rule that chooses the recommended setting.
-    pub rule: Rule,
-    /// Whether the task sets the cost, so that it is not a choice, for example the time of a program's sample.
-    pub given: bool,
+    pub reading: Reading,
+}
+
+/// What cost and error say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Reading {
+    /// The rule chooses a setting.
+    Choice(Rule),
+    /// The task sets the cost, for example the time of a program's sample. The rule says from which cost on the error is
+    /// small.
+    Given(Rule),
+    /// The cost is the size of a task. The error is a time, which grows with a power of it.
+    Growth,
 }
 
 /// One panel of a study, as cost against error.
@@ -41,12 +50,12 @@ impl<'a> View<'a> {
 
     #[must_use]
     pub fn recommended(&self) -> Option<&'a Row> {
-        if self.pair.given {
+        let Reading::Choice(rule) = self.pair.reading else {
             return None;
-        }
+        };
         let rows = self.rows();
         let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
-        recommend(&points, self.pair.rule).map(|(place, _)| rows[place])
+        recommend(&points, rule).map(|(place, _)| rows[place])
     }
 
     /// A sentence that recommends a setting, with the reason, or that says from which given cost on the error is small.
@@ -54,15 +63,17 @@ impl<'a> View<'a> {
     pub fn sentence(&self) -> String {
         let rows = self.rows();
         let points: Vec<[f64; 2]> = rows.iter().map(|row| self.point(row)).collect();
-        if self.pair.rule == Rule::PowerLaw {
-            return self.growth(&rows, &points);
-        }
-        let Some((place, reason)) = recommend(&points, self.pair.rule) else {
+        let (rule, is_given) = match self.pair.reading {
+            Reading::Choice(rule) => (rule, false),
+            Reading::Given(rule) => (rule, true),
+            Reading::Growth => return self.growth(&rows, &points),
+        };
+        let Some((place, reason)) = recommend(&points, rule) else {
             return "There are no measurements.".to_owned();
         };
         let columns = [self.pair.cost, self.pair.error].map(|i| &*self.table.columns[i]);
         let [(cost, _), (error, error_unit)] = columns.map(name_and_unit);
-        let why = match (reason, self.pair.rule) {
+        let why = match (reason, rule) {
             (Reason::CheapestWithin(limit), Rule::Within(_)) => {
                 format!(
                     "the cheapest whose {error} is at most {}",
@@ -73,12 +84,11 @@ impl<'a> View<'a> {
                 "the cheapest whose {error} is within {} % of the least measured",
                 short(100.0 * share)
             ),
-            (Reason::CheapestWithin(_), Rule::PowerLaw) => "the cheapest".to_owned(),
             (Reason::MostAccurate, Rule::Within(limit)) => format!(
                 "the most accurate, since no measured {error} is at most {}",
                 amount(limit, error_unit)
             ),
-            (Reason::MostAccurate, _) => "the most accurate".to_owned(),
+            (Reason::MostAccurate, Rule::NearBest(_)) => "the most accurate".to_owned(),
         };
         let amounts = |at: usize| {
             let units = columns.map(|column| name_and_unit(column).1);
@@ -88,7 +98,7 @@ impl<'a> View<'a> {
             let [x, y] = amounts(at);
             format!("{cost} {x}, {error} {y}")
         };
-        if self.pair.given {
+        if is_given {
             let (row, [x, y]) = (rows[place], amounts(place));
             let of = format!("{error} {y} ({}, {})", row.method, row.setting);
             return match reason {
@@ -168,7 +178,7 @@ impl<'a> View<'a> {
 
     /// The Pareto front, or the ends of the power law.
     fn line(&self, points: &[[f64; 2]]) -> TradeoffSeries {
-        if self.pair.rule != Rule::PowerLaw {
+        if self.pair.reading != Reading::Growth {
             return TradeoffSeries {
                 name: "Pareto front".to_owned(),
                 points: front(points).into_iter().map(|i| points[i]).collect(),
@@ -288,8 +298,7 @@ mod tests {
             pair: Pair {
                 cost: 0,
                 error: 1,
-                rule: Rule::Within(0.5),
-                given: false,
+                reading: Reading::Choice(Rule::Within(0.5)),
             },
         };
         assert_eq!(
@@ -298,14 +307,14 @@ mod tests {
              0.5 %. The campaign's is prefix sums, 32 × 16 (time 4 µs, error 0.1 %)."
         );
         let mut given = view.clone();
-        given.pair.given = true;
+        given.pair.reading = Reading::Given(Rule::Within(0.5));
         assert_eq!(
             given.sentence(),
             "The least time whose error is at most 0.5 % is 2 µs, with error 0.2 % (prefix sums, 16 × 8)."
         );
         assert_eq!(given.recommended(), None);
         let mut growth = view.clone();
-        growth.pair.rule = Rule::PowerLaw;
+        growth.pair.reading = Reading::Growth;
         assert_eq!(
             growth.sentence(),
             "The error falls as the power −2.16 of the time, from 2 % (8 × 4) to 0.1 % (32 × 16)."

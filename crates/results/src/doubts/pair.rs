@@ -269,21 +269,22 @@ contact_limit_mpa = 1500.0
 
     #[test]
     fn a_campaign_with_a_case_of_new_flanks_is_not_advised_to_compare_them() {
-        for printed in &gear::paper::printed::PRINTED {
-            let design = Design::new(printed.variables.to_vec());
-            let of_wear = |wear: f64| {
-                let mut campaign =
-                    problem::Campaign::parse("c.toml", problem::Campaign::PAPER).unwrap();
-                let sections = campaign.gears_mut().unwrap();
-                sections.load.cases = vec![problem::file::LoadCase {
-                    wear,
-                    ..problem::file::LoadCase::default()
-                }];
-                of_design(&Problem::new(campaign), &design)
-            };
-            let mut others = of_wear(1.0);
-            others.retain(|doubt| !doubt.starts_with("louder when new"));
-            assert_eq!(of_wear(0.0), others, "figure {}", printed.figure);
-        }
+        // The optimum with the mean wear of the paper's campaign: 4.16 µm new, 1.08 µm worn.
+        let design = Design::new(vec![
+            0.328, 1.338, 1.7, 1.555, 1.306, 0.8, 0.0003, 0.19, 0.64, 0.23, 30.0,
+        ]);
+        let is_advised = |wear: f64| {
+            let mut campaign =
+                problem::Campaign::parse("c.toml", problem::Campaign::PAPER).unwrap();
+            campaign.gears_mut().unwrap().load.cases = vec![problem::file::LoadCase {
+                wear,
+                ..problem::file::LoadCase::default()
+            }];
+            let doubts = of_design(&Problem::new(campaign), &design);
+            doubts
+                .iter()
+                .any(|doubt| doubt.starts_with("louder when new"))
+        };
+        assert!(is_advised(1.0) && !is_advised(0.0));
     }
 }
