@@ -1,7 +1,10 @@
 //! The store on real files.
 
 mod bits;
+mod commits;
+mod crashes;
 mod damage;
+mod digests;
 mod discarding;
 mod evaluations;
 mod extending;

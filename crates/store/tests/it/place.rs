@@ -1,6 +1,7 @@
 //! One file under several names, files that are removed, and folders that are not writable.
 
 use std::fs;
+use std::path::Path;
 use std::time::Duration;
 
 use store::{Error, Store};
@@ -193,4 +194,41 @@ async fn a_store_in_a_folder_that_may_not_be_written_to_can_be_read() {
             assert!(error.to_string().contains("log.db-wal"), "{error}");
         }
     }
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test]
+async fn a_folder_that_takes_no_files_is_named() {
+    let path = Path::new("/proc/self/campaign.db");
+    let error = Store::create_or_open(path, &campaign()).await.unwrap_err();
+    assert!(matches!(error, Error::Io { .. }), "{error}");
+    assert!(error.to_string().contains("campaign.db"), "{error}");
+}
+
+#[cfg(unix)]
+#[tokio::test]
+async fn a_store_that_may_not_be_written_is_refused_and_can_be_read() {
+    use std::os::unix::fs::PermissionsExt as _;
+
+    let (folder, path) = folder();
+    store_with(&path, 3).await.close().await.unwrap();
+    let mode = |path: &Path, mode| {
+        fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+    };
+    mode(&path, 0o444);
+    // The superuser may write to any file, and then nothing is refused.
+    let may_write_anyway = fs::File::options().append(true).open(&path).is_ok();
+    let opened = Store::create_or_open(&path, &campaign()).await;
+    assert_eq!(opened.is_ok(), may_write_anyway);
+    drop(opened);
+    let reader = Store::open_read_only(&path).await.unwrap();
+    assert_eq!(reader.designs().await.unwrap().len(), 3);
+    reader.close().await.unwrap();
+
+    mode(&path, 0o644);
+    mode(folder.path(), 0o555);
+    let new = folder.path().join("new.db");
+    let created = Store::create_or_open(&new, &campaign()).await;
+    assert_eq!(created.is_ok(), may_write_anyway);
+    mode(folder.path(), 0o755);
 }

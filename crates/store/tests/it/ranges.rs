@@ -9,7 +9,7 @@ use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{Connection as _, Row as _};
 use store::{Batch, Error, Receipt, SampleBlock, Store};
 
-use crate::reading::documented_digest;
+use crate::digests::documented_digest;
 use crate::{campaign, folder, of, sample, samples, samples_of, store_with};
 
 /// Design, first sample and values of each row in the file.
