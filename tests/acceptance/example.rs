@@ -1,6 +1,7 @@
 //! The example of an external simulator in a sandbox, with changes, and its processes.
 
 use acceptance::{Sandbox, changed, python, root};
+use serde_json::Value;
 
 fn example(name: &str) -> String {
     let path = root().join("campaigns/external").join(name);
@@ -36,4 +37,57 @@ pub(crate) fn processes(mark: &str) -> Vec<String> {
         })
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect()
+}
+
+/// The example with 20 designs and no probe simulations.
+pub(crate) fn twenty_designs(sandbox: &Sandbox) -> String {
+    campaign(
+        sandbox,
+        &[
+            ("designs = 60", "method = \"random\"\ndesigns = 20"),
+            ("probe_designs = 3", "probe_designs = 0\nretry_s = 5.0"),
+            (
+                "[sampling]\n",
+                "[sampling]\nfailed = \"quarantines-design\"\n",
+            ),
+        ],
+    )
+}
+
+/// Changes to the example's program: `action` runs before each sample of designs that satisfy
+/// `condition`. The modules `sys` and `os` are imported.
+pub(crate) fn before_samples(condition: &str, action: &str) -> [(String, String); 3] {
+    [
+        (
+            "import random\n".to_owned(),
+            "import os\nimport random\n".to_owned(),
+        ),
+        (
+            "        shift = [design".to_owned(),
+            format!("        self.marked = {condition}\n        shift = [design"),
+        ),
+        (
+            "        generator = random".to_owned(),
+            format!("        if self.marked:\n            {action}\n        generator = random"),
+        ),
+    ]
+}
+
+pub(crate) fn changed_program(
+    sandbox: &Sandbox,
+    name: &str,
+    changes: &[(String, String)],
+) -> String {
+    let changes: Vec<(&str, &str)> = changes
+        .iter()
+        .map(|(from, to)| (from.as_str(), to.as_str()))
+        .collect();
+    program(sandbox, name, &changes)
+}
+
+/// The status of a finished campaign.
+pub(crate) fn finished(sandbox: &Sandbox, db: &str) -> Value {
+    let status = sandbox.status(db).expect("the store is there");
+    assert_eq!(status["finished"], true, "{status}");
+    status
 }
