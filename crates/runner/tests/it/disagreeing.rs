@@ -9,7 +9,7 @@ use runner::protocol::v1::{
 use store::FailureKind;
 use tonic::Request;
 
-use crate::service::{SAMPLES, bench};
+use crate::bench::{SAMPLES, bench};
 
 /// The first of two workers may be wrong as well as the second: a third one continues, and no worker is suspended.
 #[tokio::test]

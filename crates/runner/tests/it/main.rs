@@ -1,5 +1,6 @@
 //! The service and the engine on a real store, called as from the network.
 
+mod bench;
 mod disagreeing;
 mod enrichment;
 mod precision;
