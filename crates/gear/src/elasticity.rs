@@ -7,7 +7,8 @@
 use crate::coupled::body::Body;
 use crate::input::{Member, ToothModel};
 use crate::path::Place;
-use crate::tooth::{Load, Station};
+use crate::station::Station;
+use crate::tooth::Load;
 use crate::unloaded::UnloadedPair;
 
 /// Least value of Weber's bracket ln(4 t1 t2/a_H²) − ν/(1 − ν). Near a pointed tip or under an

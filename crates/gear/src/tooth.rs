@@ -6,9 +6,8 @@
 //! radius r_n = m z_n/2; a point at transverse radius r is at ρ = r_n + (r − r_ref) there. The
 //! tooth axis is y, half thickness x(y).
 //!
-//! The fillet is the trochoid envelope of the rack corner, described by γ, the inclination of the
-//! corner's normal: γ = 0 at the root circle, γ = π/2 − α_n where the involute takes over. An
-//! undercut tooth changes over where trochoid and involute cross.
+//! The fillet is the trochoid of the rack corner (`fillet`). An undercut tooth changes over where
+//! trochoid and involute cross.
 //!
 //! The integrals of bending, shear and compression along the axis are taken by adaptive quadrature
 //! (`quadrature`), from the root circle to the tip, with the joint of trochoid and involute as a fixed
@@ -24,11 +23,16 @@
 //! Left out: coupling between neighbouring slices of the face, thin rims and shafts.
 
 use crate::error::Infeasibility;
+use crate::fillet::Fillet;
 use crate::geometry::Geometry;
 use crate::input::{Member, PairInput, ToothModel};
 use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::quadrature::{Failure, Point, ToothIntegrals};
+use crate::station::{Station, influence};
 use crate::trochoid::rack_corner_room;
+
+#[cfg(test)]
+mod tests;
 
 /// Half thickness, in modules, at which a thin tip ends for the purpose of compliance. A beam that
 /// ends in a knife edge is infinitely soft there, by the logarithm of the distance; a load beyond
@@ -56,81 +60,6 @@ pub(crate) struct Load {
     pub(crate) y_l: f64,
     /// Distance from the contact point to the tooth axis along the load line.
     pub(crate) half_thickness: f64,
-}
-
-/// The quantities of a load's place on the tooth from which the compliance follows, for one load or for two; with lists
-/// as `T`, those of many places.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Station<T = f64> {
-    pub(crate) cos_alpha_f: T,
-    pub(crate) tan_alpha_f: T,
-    /// Height at which the load line crosses the tooth axis, mm.
-    pub(crate) y: T,
-    /// That height above the root circle's end, in thicknesses of the root.
-    pub(crate) u: T,
-    /// M1, M2 about that height, and ∫ dy/(2x) up to it.
-    pub(crate) m1: T,
-    pub(crate) m2: T,
-    pub(crate) n0: T,
-}
-
-impl<T> Station<T> {
-    /// The station whose quantities are `f` of those of this one and of `other`.
-    #[inline(always)]
-    pub(crate) fn zip<'a, U, V>(
-        &'a self,
-        other: &'a Station<U>,
-        f: impl Fn(&'a T, &'a U) -> V,
-    ) -> Station<V> {
-        Station {
-            cos_alpha_f: f(&self.cos_alpha_f, &other.cos_alpha_f),
-            tan_alpha_f: f(&self.tan_alpha_f, &other.tan_alpha_f),
-            y: f(&self.y, &other.y),
-            u: f(&self.u, &other.u),
-            m1: f(&self.m1, &other.m1),
-            m2: f(&self.m2, &other.m2),
-            n0: f(&self.n0, &other.n0),
-        }
-    }
-
-    /// The station whose quantities are `f` of those of this one.
-    #[inline(always)]
-    pub(crate) fn map<'a, V>(&'a self, f: impl Fn(&'a T) -> V) -> Station<V> {
-        self.zip(self, |value, _| f(value))
-    }
-}
-
-impl Station<Vec<f64>> {
-    /// Appends a station to the lists.
-    pub(crate) fn push(&mut self, station: &Station) {
-        self.cos_alpha_f.push(station.cos_alpha_f);
-        self.tan_alpha_f.push(station.tan_alpha_f);
-        self.y.push(station.y);
-        self.u.push(station.u);
-        self.m1.push(station.m1);
-        self.m2.push(station.m2);
-        self.n0.push(station.n0);
-    }
-}
-
-/// Displacement at one station for a load at another, per line load and times Young's modulus: bending, and
-/// the rest of Weber and Banaschek's terms. The formula for one place holds for two if every product of
-/// the place with itself becomes one of both places, and bending is integrated up to the lower one.
-#[inline(always)]
-pub(crate) fn influence(a: &Station, b: &Station, nu: f64) -> [f64; 2] {
-    const PI: f64 = std::f64::consts::PI;
-    // Values instead of references let loops over stations use the vector units.
-    let is_lower = a.y < b.y;
-    let low = |of_a: f64, of_b: f64| if is_lower { of_a } else { of_b };
-    let (m1, m2, n0) = (low(a.m1, b.m1), low(a.m2, b.m2), low(a.n0, b.n0));
-    let bending = 12.0 * (1.0 - nu * nu) * (m2 + (a.y - b.y).abs() * m1);
-    let tan2 = a.tan_alpha_f * b.tan_alpha_f;
-    let shear = (2.4 * (1.0 + nu) + (1.0 - nu * nu) * tan2) * n0;
-    let foundation = (18.0 / PI) * (1.0 - nu * nu) * a.u * b.u
-        + (1.0 - 2.0 * nu) * (1.0 + nu) * (a.u + b.u)
-        + (4.8 / PI) * (1.0 - nu * nu) * (1.0 + (1.0 - nu) / 2.4 * tan2);
-    let along = a.cos_alpha_f * b.cos_alpha_f;
-    [along * bending, along * (shear + foundation)]
 }
 
 /// The critical root section.
@@ -177,70 +106,6 @@ struct FlankPoint {
     y: f64,
     sin_alpha_f: f64,
     cos_alpha_f: f64,
-}
-
-/// The trochoid that the rack corner leaves.
-#[derive(Debug, Clone, Copy)]
-struct Fillet {
-    r_n: f64,
-    /// Depth of the corner's centre below the rolling line; negative above it.
-    h_c: f64,
-    rho: f64,
-    /// Distance of the corner's centre from the tooth axis along the rolling line.
-    x_c: f64,
-}
-
-impl Fillet {
-    /// Rotation of the gear that brings the corner's point γ to the tooth: (h_c tan γ + x_c)/r_n.
-    fn rotation(&self, tan: f64) -> f64 {
-        (self.h_c * tan + self.x_c) / self.r_n
-    }
-
-    /// Inclination of the tangent against the horizontal.
-    fn inclination(&self, gamma: f64) -> f64 {
-        gamma + self.rotation(gamma.tan())
-    }
-
-    /// The point (x, y) at γ.
-    fn point(&self, gamma: f64) -> (f64, f64) {
-        let point = self.along(Self::parameter(gamma));
-        (point.x, point.y)
-    }
-
-    /// |d(x, y)/dγ| for cos γ; not positive beyond a cusp.
-    fn speed(&self, cos: f64) -> f64 {
-        (self.rho * (self.r_n * cos * cos + self.h_c) + self.h_c * self.h_c / cos)
-            / (self.r_n * cos * cos)
-    }
-
-    /// The parameter w of the point γ, sinh w = tan γ. In γ the trochoid has a pole at 90°, not far
-    /// beyond its end; in w it is smooth all along.
-    fn parameter(gamma: f64) -> f64 {
-        gamma.tan().asinh()
-    }
-
-    /// The point at the parameter w, with the derivative of its height by w.
-    fn along(&self, w: f64) -> Point {
-        let exp = w.exp();
-        let (cosh, tan) = (0.5 * (exp + 1.0 / exp), 0.5 * (exp - 1.0 / exp));
-        let cos = 1.0 / cosh;
-        let (sin_phi, cos_phi) = self.rotation(tan).sin_cos();
-        let depth = self.h_c + self.rho * cos;
-        let (x, y) = (-tan * depth, self.r_n - depth);
-        // The height grows with sin(inclination) along the curve, and dγ = cos γ dw.
-        let climb = cos * (tan * cos_phi + sin_phi);
-        Point {
-            x: x * cos_phi + y * sin_phi,
-            y: y * cos_phi - x * sin_phi,
-            rate: self.speed(cos) * cos * climb,
-        }
-    }
-
-    /// Radius of curvature, ISO 6336-3 form.
-    fn curvature_radius(&self, gamma: f64) -> f64 {
-        let cos = gamma.cos();
-        self.rho + self.h_c * self.h_c / (cos * (self.r_n * cos * cos + self.h_c))
-    }
 }
 
 impl Tooth {

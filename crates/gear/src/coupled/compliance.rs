@@ -3,7 +3,7 @@
 use crate::corrections::Lead;
 use crate::elasticity::{ContactPlace, NodeCompliance};
 use crate::path::Path;
-use crate::tooth::{Station, influence};
+use crate::station::{Station, influence};
 use crate::unloaded::UnloadedPair;
 use crate::vectors::with_vectors;
 
