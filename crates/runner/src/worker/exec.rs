@@ -5,15 +5,17 @@
 //! current job, and the next job gets a new process. Output that is not an answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
+mod answers;
 mod design;
 mod ending;
 mod fault;
 mod files;
-mod messages;
+mod numbers;
 mod object;
 mod output;
 mod process;
 mod program;
+mod requests;
 mod results;
 mod slot;
 #[cfg(test)]
@@ -37,11 +39,12 @@ use tracing::warn;
 
 use crate::outside;
 use crate::worker::error::Error;
+use answers::{Answer, Content, Description};
 use design::ExternalDesign;
 pub(crate) use fault::Ability;
 use fault::{Fault, PAUSES, patiently};
 use files::FailedRuns;
-use messages::{Answer, Content, Description, Numbers};
+use numbers::Numbers;
 use program::Program;
 use slot::Slots;
 pub use trial::{Trial, trial};
@@ -398,7 +401,7 @@ impl Session<'_> {
             &self.programs.failed_runs,
         )?;
         *self.process.borrow_mut() = Some(process);
-        let request = messages::describe(self.problem).map_err(Fault::Program)?;
+        let request = requests::describe(self.problem).map_err(Fault::Program)?;
         let timeout = self.programs.exec.timeout.max(START);
         let check = |described: &Description| described.check(self.problem);
         let described = match self.exchange(request, timeout, check)? {
@@ -437,7 +440,7 @@ impl Session<'_> {
         others: &[&str],
     ) -> Result<Numbers, NoAnswer> {
         let timeout = self.programs.exec.timeout;
-        let check = |numbers: &Numbers| messages::check(numbers, wanted, others);
+        let check = |numbers: &Numbers| answers::check(numbers, wanted, others);
         let ask = || {
             self.start()?;
             self.exchange(question.clone(), timeout, check)
@@ -488,7 +491,7 @@ impl Session<'_> {
         let answer = process.ask(request, timeout);
         self.waited.set(self.waited.get() + since.elapsed());
         let answer = answer?;
-        let read = messages::read(answer.clone()).and_then(|read| {
+        let read = answers::read(answer.clone()).and_then(|read| {
             if let Answer::Given(given) = &read {
                 check(given)?;
             }

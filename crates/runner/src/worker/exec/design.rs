@@ -7,8 +7,8 @@ use rand::Rng as _;
 use serde_json::Value;
 use stats::streams::StreamRng;
 
-use super::messages::Randomness;
-use super::{Session, messages};
+use super::requests::Randomness;
+use super::{Session, requests};
 
 /// A design that a program simulates.
 pub(super) struct ExternalDesign<'a> {
@@ -25,7 +25,7 @@ impl<'a> ExternalDesign<'a> {
     pub(super) fn new(session: &'a Session<'a>, design: &Design, told: &[(&str, f64)]) -> Self {
         Self {
             session,
-            told: messages::numbers(told),
+            told: requests::numbers(told),
             design: design.clone(),
             responses: vec![f64::NAN; session.problem.responses().len()],
             was_evaluated: false,
@@ -53,7 +53,7 @@ impl<'a> ExternalDesign<'a> {
             }
             None => None,
         };
-        let question = messages::evaluate(&self.told, random, &wanted);
+        let question = requests::evaluate(&self.told, random, &wanted);
         let numbers = self.session.ask(question, &wanted, &others)?;
         let odd = numbers.iter().find(|(_, value)| !value.is_finite());
         if let Some((name, value)) = odd {
@@ -122,14 +122,14 @@ impl PreparedDesign for ExternalDesign<'_> {
 fn named(inputs: &RandomInputs, values: &[f64]) -> Value {
     let names = inputs.quantities().iter().map(|one| &*one.name);
     let named: Vec<(&str, f64)> = names.zip(values.iter().copied()).collect();
-    messages::numbers(&named)
+    requests::numbers(&named)
 }
 
 impl ExternalDesign<'_> {
     fn sample_from(&self, from: Randomness) -> Result<Vec<f64>, NoAnswer> {
         let problem = self.session.problem;
-        let names = messages::sampled(problem);
-        let question = messages::sample(&self.told, from);
+        let names = requests::sampled(problem);
+        let question = requests::sample(&self.told, from);
         match self.session.ask(question, &names, &names) {
             Ok(numbers) => Ok(names.iter().map(|name| numbers[*name]).collect()),
             Err(NoAnswer::Refused(_)) => Ok(vec![f64::NAN; names.len()]),

@@ -16,9 +16,10 @@ use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::fault::Fault;
-use super::messages::{Numbers, PROTOCOL, Request};
+use super::numbers::Numbers;
 use super::output::Line;
 use super::process::Process;
+use super::requests::{PROTOCOL, Request};
 use super::results::Results;
 
 /// The name of a sample's seed in a template.

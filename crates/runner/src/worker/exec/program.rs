@@ -9,11 +9,10 @@ use serde_json::{Map, Value};
 
 use super::fault::Fault;
 use super::files::{FailedRuns, Files};
-use super::messages;
 use super::process::Process;
 use super::slot::Slot;
 use super::um_bridge::UmBridge;
-use super::{Exec, Interface};
+use super::{Exec, Interface, answers, requests};
 
 /// A simulator that accepts requests.
 #[derive(Debug)]
@@ -104,8 +103,8 @@ impl Program {
         let id = self.id;
         match &mut self.kind {
             Kind::Lines(process) => {
-                self.line = messages::line(request, id);
-                process.ask(&self.line, timeout, &|line| messages::hear(line, id))
+                self.line = requests::line(request, id);
+                process.ask(&self.line, timeout, &|line| answers::hear(line, id))
             }
             Kind::Files(files) => files.ask(request, timeout),
             Kind::UmBridge(model) => model.ask(request, timeout),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use problem::file::ResultLine;
 use serde_json::{Map, Value, json};
 
-use super::messages::{Numbers, number};
+use super::numbers::{Numbers, number};
 use super::object::Object;
 
 /// The name of the reason for which a design is not simulable.

@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 use serde_json::{Map, Value, json};
 
 use super::fault::Fault;
-use super::messages::{Numbers, PROTOCOL, Request, with_quoted_numbers};
+use super::numbers::{Numbers, with_quoted_numbers};
+use super::requests::{PROTOCOL, Request};
 use problem::file::SimulatorSection;
 
 /// Interval at which a request in progress checks whether to stop.

@@ -1,36 +1,16 @@
-//! The requests to an external simulator and its answers: one JSON object per line.
-
-use std::borrow::Cow;
-use std::collections::BTreeMap;
+//! The answers of an external simulator: one JSON object per line, among other text.
 
 use problem::formulation::Problem;
 use serde::Deserialize;
-use serde_json::{Deserializer, Map, Value, json};
+use serde_json::{Deserializer, Map, Value};
 
-use super::fault::Fault;
+use super::numbers::{Numbers, number, with_quoted_numbers};
 use super::object::Object;
 use super::output::Line;
-
-/// The version of the protocol, which both sides name at the start.
-pub(super) const PROTOCOL: u32 = 2;
-
-/// The key of the values of random inputs.
-const RANDOM: &str = "random";
+use super::requests::{PROTOCOL, evaluated, sampled};
 
 /// Maximum number of objects in a line that are looked at.
 const OBJECTS: usize = 64;
-
-/// Numbers that JSON does not have, longer ones first.
-const NUMBERS: [&str; 8] = [
-    "-Infinity",
-    "Infinity",
-    "-inf",
-    "inf",
-    "-NaN",
-    "NaN",
-    "-nan",
-    "nan",
-];
 
 /// Maximum length of a reason, in bytes.
 const MAX_SENTENCE: usize = 2000;
@@ -49,9 +29,6 @@ pub(super) struct Description {
     /// if it names them.
     responses: Option<Vec<String>>,
 }
-
-/// The answer to `evaluate` and to `sample`.
-pub(super) type Numbers = BTreeMap<String, f64>;
 
 /// The content of an answer besides its id.
 pub(super) trait Content: Sized {
@@ -79,50 +56,6 @@ impl Content for Numbers {
     }
 }
 
-/// The number that a value stands for. JSON has neither NaN nor infinity, so programs write them in
-/// several ways.
-pub(super) fn number(value: &Value) -> Option<f64> {
-    match value {
-        Value::Null => Some(f64::NAN),
-        Value::String(text) => text.parse().ok().filter(|number: &f64| !number.is_finite()),
-        value => value.as_f64(),
-    }
-}
-
-/// A request, as read for a simulator that does not read lines itself.
-#[derive(Deserialize)]
-#[serde(tag = "request", rename_all = "kebab-case")]
-pub(super) enum Request {
-    Describe {
-        variables: Vec<String>,
-        responses: Vec<String>,
-        sampled: Vec<String>,
-        /// The names of the random inputs, whose values a sample gets instead of a seed.
-        #[serde(default)]
-        random: Vec<String>,
-    },
-    Evaluate {
-        design: Numbers,
-        responses: Vec<String>,
-        #[serde(default)]
-        random: Numbers,
-    },
-    Sample {
-        design: Numbers,
-        #[serde(default)]
-        seed: [u32; 4],
-        #[serde(default)]
-        random: Numbers,
-    },
-}
-
-impl Request {
-    pub(super) fn read(request: Map<String, Value>) -> Result<Self, Fault> {
-        serde_json::from_value(Value::Object(request))
-            .map_err(|error| Fault::Program(error.to_string()))
-    }
-}
-
 #[derive(Debug, PartialEq)]
 pub(super) enum Answer<T> {
     /// The requested content.
@@ -131,79 +64,6 @@ pub(super) enum Answer<T> {
     Refused(String),
     /// The program's reason for not answering.
     Error(String),
-}
-
-/// The first request of a process, without its id.
-pub(super) fn describe(problem: &Problem) -> Result<Map<String, Value>, String> {
-    let campaign = problem.campaign();
-    let campaign_value: Value = serde_json::from_str(&campaign.to_json())
-        .map_err(|error| format!("the campaign cannot be written: {error}"))?;
-    let variables = problem.variables().iter().map(|variable| &variable.name);
-    let mut request = object(json!({
-        "request": "describe",
-        "protocol": PROTOCOL,
-        "campaign": campaign_value,
-        "variables": variables.collect::<Vec<_>>(),
-        "responses": evaluated(problem),
-        "sampled": sampled(problem),
-    }));
-    if let Some(random) = problem.random() {
-        let names: Vec<&str> = random.quantities().iter().map(|one| &*one.name).collect();
-        request.insert(RANDOM.to_owned(), json!(names));
-    }
-    if let Some(sections) = campaign.gears() {
-        request.insert("teeth".to_owned(), json!(sections.pair.teeth()));
-    }
-    Ok(request)
-}
-
-/// The names of the values of a sample, as the program knows them.
-pub(super) fn sampled(problem: &Problem) -> Vec<&str> {
-    problem.sampled().iter().map(|one| &*one.name).collect()
-}
-
-/// The names of the responses of `evaluate`, as the program knows them.
-fn evaluated(problem: &Problem) -> Vec<&str> {
-    let responses = problem.responses().iter();
-    responses.map(|response| &*response.name).collect()
-}
-
-/// Named numbers, such as a design, in the form of the requests.
-pub(super) fn numbers(told: &[(&str, f64)]) -> Value {
-    let named = |(name, value): &(&str, f64)| ((*name).to_owned(), Value::from(*value));
-    Value::Object(told.iter().map(named).collect())
-}
-
-/// A request for a design's responses, without its id. `random` has the means of the random inputs, if the campaign
-/// states any.
-pub(super) fn evaluate(
-    design: &Value,
-    random: Option<Value>,
-    wanted: &[&str],
-) -> Map<String, Value> {
-    let mut request =
-        object(json!({ "request": "evaluate", "design": design, "responses": wanted }));
-    request.extend(random.map(|values| (RANDOM.to_owned(), values)));
-    request
-}
-
-/// The source of a sample's random effects.
-pub(super) enum Randomness {
-    /// The program draws them from a seed.
-    Seed([u32; 4]),
-    /// The values of the campaign's random inputs, by name.
-    Values(Value),
-}
-
-/// A request for a sample, without its id.
-pub(super) fn sample(design: &Value, from: Randomness) -> Map<String, Value> {
-    let mut request = object(json!({ "request": "sample", "design": design }));
-    let (key, value) = match from {
-        Randomness::Seed(seed) => ("seed", json!(seed)),
-        Randomness::Values(values) => (RANDOM, values),
-    };
-    request.insert(key.to_owned(), value);
-    request
 }
 
 /// Checks that an answer holds all `wanted` numbers, and no others than `others`.
@@ -220,14 +80,6 @@ pub(super) fn check(numbers: &Numbers, wanted: &[&str], others: &[&str]) -> Resu
         ));
     }
     Ok(())
-}
-
-/// A request as a line, with its newline.
-pub(super) fn line(mut request: Map<String, Value>, id: u64) -> String {
-    request.insert("id".to_owned(), Value::from(id));
-    let mut line = Value::Object(request).to_string();
-    line.push('\n');
-    line
 }
 
 /// Reads a line that a program wrote after request `id`.
@@ -284,37 +136,6 @@ pub(super) fn hear(line: &[u8], id: u64) -> Line<Map<String, Value>> {
         Some(error) if is_attempt => Line::Malformed(format!("it is not JSON: {error}")),
         _ => Line::Foreign,
     }
-}
-
-/// Puts numbers that JSON does not have, as other programs write them, in quotation marks.
-pub(super) fn with_quoted_numbers(text: &str) -> Cow<'_, str> {
-    if !NUMBERS.iter().any(|number| text.contains(number)) {
-        return Cow::Borrowed(text);
-    }
-    let mut quoted = String::with_capacity(text.len() + 8);
-    let mut rest = text;
-    let mut in_text = false;
-    while let Some(next) = rest.chars().next() {
-        let number = NUMBERS.iter().find(|number| rest.starts_with(**number));
-        if let Some(number) = number
-            && !in_text
-        {
-            quoted.extend(["\"", number, "\""]);
-            rest = &rest[number.len()..];
-            continue;
-        }
-        // The character after a backslash ends no text.
-        let escaped = in_text && next == '\\';
-        in_text ^= next == '"';
-        let length = rest
-            .chars()
-            .take(1 + usize::from(escaped))
-            .map(char::len_utf8);
-        let (head, tail) = rest.split_at(length.sum());
-        quoted.push_str(head);
-        rest = tail;
-    }
-    Cow::Owned(quoted)
 }
 
 /// Reads an answer, without its id.
@@ -397,13 +218,6 @@ fn is_reason(reason: &str) -> bool {
             && name.chars().all(plain)
             && !sentence.trim().is_empty()
     })
-}
-
-fn object(value: Value) -> Map<String, Value> {
-    match value {
-        Value::Object(object) => object,
-        _ => Map::new(),
-    }
 }
 
 #[cfg(test)]
