@@ -10,6 +10,7 @@ mod bounds;
 mod budget;
 mod campaign;
 mod changes;
+mod checks;
 mod combination;
 mod constraint;
 mod corrections;
