@@ -1,6 +1,6 @@
 //! Machines that cannot run the simulator: their faults are not failures of a design.
 
-use acceptance::{Sandbox, assert_code, errors, root};
+use acceptance::{Sandbox, assert_all_succeed, assert_code, errors, root};
 use serde_json::Value;
 
 use crate::faults::{can_unshare, shell};
@@ -79,10 +79,7 @@ fn a_worker_without_a_disk_leaves_and_costs_no_design() {
     let (ended, said) = bad.finish();
     assert_eq!(ended.code(), Some(4), "{said}");
     assert_names_the_disk(&said, &disk);
-    for (name, process) in [("coordinator", coordinator), ("worker", good)] {
-        let (ended, said) = process.finish();
-        assert_eq!(ended.code(), Some(0), "{name}: {said}");
-    }
+    assert_all_succeed([("coordinator", coordinator), ("worker", good)]);
     assert_undisturbed(&sandbox.status(DB).unwrap());
 }
 

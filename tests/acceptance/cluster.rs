@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use acceptance::{Sandbox, assert_code, small_campaign};
+use acceptance::{Sandbox, assert_all_succeed, assert_code, small_campaign};
 
 use crate::place::{DB, Place};
 
@@ -44,14 +44,11 @@ fn kills_of_workers_and_coordinator_leave_no_trace_in_the_samples() {
 
     // The same command continues. The workers were not told about the restart.
     let coordinator = place.serve(&[]);
-    for (name, process) in [
+    assert_all_succeed([
         ("coordinator", coordinator),
         ("survivor", survivor),
         ("replacement", replacement),
-    ] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    ]);
     let disturbed = sandbox.status(DB).unwrap();
     assert_eq!(disturbed["finished"], true, "{disturbed}");
     assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);

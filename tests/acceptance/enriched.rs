@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use acceptance::{Sandbox, assert_code, free_address, printed, small_campaign};
+use acceptance::{Sandbox, assert_all_succeed, assert_code, free_address, printed, small_campaign};
 use serde_json::Value;
 
 /// Rounds of five points, each long enough for a crash in the middle of it.
@@ -62,14 +62,11 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
     }
     let coordinator = sandbox.start("coordinator", &serve);
     let [first, second] = workers;
-    for (name, process) in [
+    assert_all_succeed([
         ("coordinator", coordinator),
         ("worker", first),
         ("worker", second),
-    ] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    ]);
     let disturbed = sandbox.status("c.db").unwrap();
     for key in [
         "samples_digest",

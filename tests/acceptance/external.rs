@@ -1,6 +1,6 @@
 //! Campaigns with an external simulator: the Python example, and its workers. Python 3 must be on the path.
 
-use acceptance::{Sandbox, assert_code, errors, free_address, printed};
+use acceptance::{Sandbox, assert_all_succeed, assert_code, errors, free_address, printed};
 use serde_json::Value;
 
 use crate::example::{
@@ -127,10 +127,7 @@ fn a_killed_worker_takes_its_programs_along_and_loses_nothing() {
         "worker",
         &["--connect", &address, "--slots", "2", "--exec", &exec],
     );
-    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    assert_all_succeed([("coordinator", coordinator), ("worker", worker)]);
     let disturbed = finished(&sandbox, "cluster.db");
     assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);
     assert_eq!(disturbed["optima"], undisturbed["optima"]);
@@ -218,10 +215,7 @@ fn a_long_sample_outlives_three_pauses_of_its_worker() {
         worker.signal("CONT");
         std::thread::sleep(std::time::Duration::from_secs(1));
     }
-    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    assert_all_succeed([("coordinator", coordinator), ("worker", worker)]);
     let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 20, "{status}");
     let told = std::fs::read_to_string(sandbox.path("begun")).unwrap();

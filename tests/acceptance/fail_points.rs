@@ -2,7 +2,7 @@
 
 use std::os::unix::process::ExitStatusExt as _;
 
-use acceptance::{SIGABRT, Sandbox, assert_code, free_address, small_campaign};
+use acceptance::{SIGABRT, Sandbox, assert_all_succeed, assert_code, free_address, small_campaign};
 
 #[test]
 fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
@@ -38,10 +38,7 @@ fn a_coordinator_that_dies_around_a_commit_loses_and_repeats_nothing() {
     assert!(done > 0, "every death came before the first sample");
 
     let coordinator = sandbox.start("coordinator", &serve);
-    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    assert_all_succeed([("coordinator", coordinator), ("worker", worker)]);
     let disturbed = sandbox.status("c.db").unwrap();
     assert_eq!(disturbed["finished"], true, "{disturbed}");
     assert_eq!(disturbed["samples_digest"], undisturbed["samples_digest"]);

@@ -5,7 +5,9 @@ use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt as _;
 
-use acceptance::{Sandbox, assert_code, errors, free_address, printed, small_campaign};
+use acceptance::{
+    Sandbox, assert_all_succeed, assert_code, errors, free_address, printed, small_campaign,
+};
 
 /// The access files in a sandbox's default folder.
 fn access_files(sandbox: &Sandbox) -> Vec<String> {
@@ -113,10 +115,7 @@ fn a_coordinator_computes_itself_and_admits_others() {
         status["samples"]["done"].as_u64() > Some(0)
     });
     let worker = sandbox.start("worker", &["--slots", "1"]);
-    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
-        let (status, said) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {said}");
-    }
+    assert_all_succeed([("coordinator", coordinator), ("worker", worker)]);
     let [alone, both] = ["alone.db", "c.db"].map(|db| sandbox.status(db).unwrap());
     assert_eq!(both["samples_digest"], alone["samples_digest"]);
     assert_eq!(both["optima"], alone["optima"]);

@@ -2,7 +2,7 @@
 
 use std::os::unix::process::ExitStatusExt as _;
 
-use acceptance::{SIGABRT, Sandbox, assert_code, errors, printed};
+use acceptance::{SIGABRT, Sandbox, assert_all_succeed, assert_code, errors, printed};
 
 use crate::example::{
     before_samples, campaign, changed_program, finished, path, program, twenty_designs,
@@ -95,10 +95,7 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
         assert_eq!(status.signal(), Some(SIGABRT), "{status} {errors}");
         deaths += 1;
     }
-    for (name, process) in [("coordinator", place.serve(&[])), ("worker", worker)] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    assert_all_succeed([("coordinator", place.serve(&[])), ("worker", worker)]);
     let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 20, "{status}");
     assert_eq!(status["failures"], 1, "{status}");

@@ -4,7 +4,10 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use acceptance::{RunningProgram, Sandbox, assert_code, changed, errors, printed, python, root};
+use acceptance::{
+    RunningProgram, Sandbox, assert_all_succeed, assert_code, changed, errors, printed, python,
+    root,
+};
 
 use crate::example::path;
 use crate::place::{DB, Place};
@@ -177,9 +180,6 @@ fn a_worker_waits_for_its_coordinator_as_long_as_it_computes() {
     coordinator.kill();
     std::thread::sleep(Duration::from_secs(4));
     let coordinator = place.serve(&[]);
-    for (name, process) in [("coordinator", coordinator), ("worker", worker)] {
-        let (status, errors) = process.finish();
-        assert_eq!(status.code(), Some(0), "{name}: {errors}");
-    }
+    assert_all_succeed([("coordinator", coordinator), ("worker", worker)]);
     assert!(calls(&sandbox) >= SAMPLES);
 }

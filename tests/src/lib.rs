@@ -523,3 +523,15 @@ pub fn printed(output: &Output) -> String {
 pub fn assert_code(output: &Output, code: i32) {
     assert_eq!(output.status.code(), Some(code), "{}", errors(output));
 }
+
+/// Waits for the end of these programs, which have names, and asserts that each one succeeded.
+///
+/// # Panics
+///
+/// A program does not end in time, or it fails.
+pub fn assert_all_succeed<const N: usize>(programs: [(&str, RunningProgram); N]) {
+    for (name, program) in programs {
+        let (status, log) = program.finish();
+        assert_eq!(status.code(), Some(0), "{name}: {log}");
+    }
+}
