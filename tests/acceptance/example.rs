@@ -54,6 +54,20 @@ pub(crate) fn twenty_designs(sandbox: &Sandbox) -> String {
     )
 }
 
+/// The example with 20 designs and no probe simulations. Its only job at first is one run of an
+/// optimiser, whose optimum has the values of the frozen variables.
+pub(crate) fn run_before_designs(sandbox: &Sandbox) -> String {
+    campaign(
+        sandbox,
+        &[
+            ("probe_designs = 3", "probe_designs = 0"),
+            ("from = \"printed\"", "from = \"deterministic\""),
+            ("designs = 60", "designs = 20"),
+            ("starts = 2", "starts = 1"),
+        ],
+    )
+}
+
 /// Changes to the example's program: `action` runs before each sample of designs that satisfy
 /// `condition`. The modules `sys` and `os` are imported.
 pub(crate) fn before_samples(condition: &str, action: &str) -> [(String, String); 3] {

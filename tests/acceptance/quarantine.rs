@@ -5,7 +5,8 @@ use std::os::unix::process::ExitStatusExt as _;
 use acceptance::{SIGABRT, Sandbox, assert_all_succeed, assert_code, errors, printed};
 
 use crate::example::{
-    before_samples, campaign, changed_program, finished, path, program, twenty_designs,
+    before_samples, campaign, changed_program, finished, path, program, run_before_designs,
+    twenty_designs,
 };
 use crate::place::{DB, Place};
 
@@ -57,15 +58,7 @@ fn a_design_that_kills_its_workers_at_once_is_quarantined() {
 #[test]
 fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
     let sandbox = Sandbox::new();
-    let file = campaign(
-        &sandbox,
-        &[
-            ("probe_designs = 3", "probe_designs = 0"),
-            ("from = \"printed\"", "from = \"deterministic\""),
-            ("designs = 60", "designs = 20"),
-            ("starts = 2", "starts = 1"),
-        ],
-    );
+    let file = run_before_designs(&sandbox);
     // The program fails once, when it is asked about the first design.
     let log = path(&sandbox.path("failed"));
     let asked = "        pair = Pair(";

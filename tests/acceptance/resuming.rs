@@ -8,7 +8,7 @@ use acceptance::{RunningProgram, Sandbox, assert_code};
 use ledger::StreamId;
 use store::{EvaluationRow, Store};
 
-use crate::example::{campaign, program};
+use crate::example::{program, run_before_designs};
 use crate::place::DB;
 
 /// The only job of the campaign until it is done, by its name in the store.
@@ -55,15 +55,7 @@ fn held(sandbox: &Sandbox, db: &str) -> (Option<String>, Vec<EvaluationRow>) {
 /// with an undisturbed run of one worker.
 fn goes_on(end: impl Fn(RunningProgram)) {
     let sandbox = Sandbox::new();
-    let file = campaign(
-        &sandbox,
-        &[
-            ("probe_designs = 3", "probe_designs = 0"),
-            ("from = \"printed\"", "from = \"deterministic\""),
-            ("designs = 60", "designs = 20"),
-            ("starts = 2", "starts = 1"),
-        ],
-    );
+    let file = run_before_designs(&sandbox);
     fn run<'a>(file: &'a str, db: &'a str, workers: &'a str, exec: &'a str) -> [&'a str; 8] {
         [
             "run",
@@ -133,15 +125,7 @@ fn a_run_on_an_external_simulator_that_is_stopped_goes_on() {
 #[test]
 fn the_workers_share_the_candidates_of_a_generation() {
     let sandbox = Sandbox::new();
-    let file = campaign(
-        &sandbox,
-        &[
-            ("probe_designs = 3", "probe_designs = 0"),
-            ("from = \"printed\"", "from = \"deterministic\""),
-            ("designs = 60", "designs = 20"),
-            ("starts = 2", "starts = 1"),
-        ],
-    );
+    let file = run_before_designs(&sandbox);
     let (exec, log) = noting(&sandbox, "shared", 0.1);
     let run = ["run", &file, "--db", DB, "--workers", "10", "--exec", &exec];
     let running = sandbox.start("coordinator", &run);
