@@ -5,14 +5,14 @@ use std::path::Path;
 
 use ledger::StreamId;
 use store::{
-    Batch, DerivedResult, Error, FailureKind, FailureRow, ModelRow, OptimiserRunRow, OptimumRow,
-    ResponseRow, Store,
+    Batch, Error, FailureKind, FailureRow, ModelRow, OptimiserRunRow, OptimumRow, ResponseRow,
+    Store,
 };
 
 use crate::rounds::{new_round, round};
 use crate::{
-    POINT, at, campaign, execute, feasible, folder, from, infeasible, of, open, optimum_of, read,
-    sample, samples, samples_of, store_with,
+    POINT, at, campaign, execute, feasible, folder, infeasible, of, open, put_fit, put_optimum,
+    read, sample, samples, samples_of, store_with,
 };
 
 /// A number that changes on the disk leaves its page valid.
@@ -85,20 +85,13 @@ pub(crate) async fn with_every_row(path: &Path) {
         measure_variance: 0.01,
         lilliefors_p: None,
     };
-    store
-        .put_responses(&[response], &from(&DerivedResult::Responses))
-        .await
-        .unwrap();
     let model = ModelRow {
         name: ModelRow::DOE.into(),
         number: 0,
         json: "{\"theta\":[1.5,0.25]}".into(),
         summary_json: "{}".into(),
     };
-    store
-        .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
-        .await
-        .unwrap();
+    put_fit(&store, &[response], &model).await;
     let optimum = OptimumRow {
         stream: StreamId::point(3),
         reason: None,
@@ -110,10 +103,7 @@ pub(crate) async fn with_every_row(path: &Path) {
         cpu_seconds: 9.25,
         note: "at the upper bound of x_p".into(),
     };
-    store
-        .put_optimum(&optimum, &optimum_of(&optimum))
-        .await
-        .unwrap();
+    put_optimum(&store, &optimum).await;
     store
         .put_round(&new_round(0, &[]), &round(0))
         .await
@@ -357,10 +347,7 @@ async fn rows_that_the_program_changes_stay_sound() {
     let store = open(&path).await;
     let mut optimum = store.optima().await.unwrap().remove(0);
     optimum.criterion = Some(-0.0);
-    store
-        .put_optimum(&optimum, &optimum_of(&optimum))
-        .await
-        .unwrap();
+    put_optimum(&store, &optimum).await;
     let larger = store::CampaignRow {
         digest: "larger".into(),
         ..campaign()

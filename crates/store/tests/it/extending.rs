@@ -9,7 +9,7 @@ use store::{
 };
 
 use crate::{
-    POINT, campaign, design, feasible, folder, from, optimum_of, read, sample, store_with,
+    POINT, campaign, design, feasible, folder, put_fit, put_optimum, read, sample, store_with,
 };
 
 const RUN: StreamId = StreamId::run(3, 0);
@@ -59,20 +59,13 @@ async fn finished(store: &Store) {
         measure_variance: 0.0,
         lilliefors_p: None,
     };
-    store
-        .put_responses(&[response], &from(&DerivedResult::Responses))
-        .await
-        .unwrap();
     let model = ModelRow {
         name: ModelRow::DOE.into(),
         number: 0,
         json: "{}".into(),
         summary_json: "{}".into(),
     };
-    store
-        .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
-        .await
-        .unwrap();
+    put_fit(store, &[response], &model).await;
     for approach in [OTHER_OPTIMUM, OPTIMUM] {
         let optimum = OptimumRow {
             stream: approach,
@@ -85,10 +78,7 @@ async fn finished(store: &Store) {
             cpu_seconds: 1.0,
             note: String::new(),
         };
-        store
-            .put_optimum(&optimum, &optimum_of(&optimum))
-            .await
-            .unwrap();
+        put_optimum(store, &optimum).await;
     }
 }
 

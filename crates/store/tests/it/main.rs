@@ -23,8 +23,8 @@ use ledger::StreamId;
 use sqlx::Connection as _;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use store::{
-    Batch, CampaignRow, CriteriaRow, Derivation, DerivedResult, DesignRow, Error, OptimumRow,
-    SampleBlock, Store,
+    Batch, CampaignRow, CriteriaRow, Derivation, DerivedResult, DesignRow, Error, ModelRow,
+    OptimumRow, Receipt, ResponseRow, SampleBlock, Store,
 };
 use tempfile::TempDir;
 
@@ -63,8 +63,21 @@ fn from(of: &DerivedResult) -> Derivation {
     Derivation::new(of, "0123")
 }
 
-fn optimum_of(row: &OptimumRow) -> Derivation {
-    from(&DerivedResult::Optimum(row.stream))
+/// Stores responses and the model of them.
+async fn put_fit(store: &Store, responses: &[ResponseRow], model: &ModelRow) {
+    store
+        .put_responses(responses, &from(&DerivedResult::Responses))
+        .await
+        .unwrap();
+    store
+        .put_models(std::slice::from_ref(model), &from(&DerivedResult::Model))
+        .await
+        .unwrap();
+}
+
+async fn put_optimum(store: &Store, row: &OptimumRow) {
+    let derivation = from(&DerivedResult::Optimum(row.stream));
+    store.put_optimum(row, &derivation).await.unwrap();
 }
 
 fn design(design: u64) -> DesignRow {
@@ -110,6 +123,15 @@ fn samples(rows: impl IntoIterator<Item = SampleBlock>) -> Batch {
     Batch {
         samples: rows.into_iter().collect(),
         ..Batch::default()
+    }
+}
+
+/// The receipt of a batch of the wanted generation.
+fn receipt(new_rows: u64, duplicate_rows: u64) -> Receipt {
+    Receipt {
+        new_rows,
+        duplicate_rows,
+        is_stale: false,
     }
 }
 

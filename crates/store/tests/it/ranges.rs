@@ -10,7 +10,7 @@ use sqlx::{Connection as _, Row as _};
 use store::{Batch, Error, Receipt, SampleBlock, Store};
 
 use crate::digests::documented_digest;
-use crate::{campaign, folder, of, sample, samples, samples_of, store_with};
+use crate::{campaign, folder, of, receipt, sample, samples, samples_of, store_with};
 
 /// Design, first sample and values of each row in the file.
 async fn ranges(path: &Path) -> Vec<(i64, i64, Vec<f64>)> {
@@ -36,14 +36,6 @@ fn value(design: u64, sample: u64) -> f64 {
 
 fn range(design: u64, range: std::ops::Range<u64>) -> Batch {
     samples(range.map(|i| sample(design, i, value(design, i))))
-}
-
-fn receipt(new_rows: u64, duplicate_rows: u64) -> Receipt {
-    Receipt {
-        new_rows,
-        duplicate_rows,
-        is_stale: false,
-    }
 }
 
 #[tokio::test]

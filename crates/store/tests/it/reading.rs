@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use ledger::StreamId;
 use store::{
-    Batch, DerivedResult, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork,
-    ModelRow, OptimiserRunRow, OptimumRow, Progress, Receipt, ResponseRow, Store,
+    Batch, Error, FailureGroup, FailureKind, FailureRow, JobTimeRow, MissingWork, ModelRow,
+    OptimiserRunRow, OptimumRow, Progress, ResponseRow, Store,
 };
 
 use crate::{
-    POINT, at, campaign, design, feasible, folder, from, infeasible, of, open, optimum_of, sample,
-    samples, samples_of, store_with, values_of,
+    POINT, at, campaign, design, feasible, folder, infeasible, of, open, put_fit, put_optimum,
+    receipt, sample, samples, samples_of, store_with, values_of,
 };
 
 #[tokio::test]
@@ -113,27 +113,10 @@ async fn every_table_gives_back_what_was_put() {
     };
     // Times are not counted.
     let rows = batch.len() as u64 - 1;
-    let receipt = store.writer().unwrap().submit(batch.clone()).await.unwrap();
-    assert_eq!(
-        receipt,
-        Receipt {
-            new_rows: rows,
-            duplicate_rows: 0,
-            is_stale: false,
-        }
-    );
-    store
-        .put_responses(&responses, &from(&DerivedResult::Responses))
-        .await
-        .unwrap();
-    store
-        .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
-        .await
-        .unwrap();
-    store
-        .put_optimum(&optimum, &optimum_of(&optimum))
-        .await
-        .unwrap();
+    let stored = store.writer().unwrap().submit(batch.clone()).await.unwrap();
+    assert_eq!(stored, receipt(rows, 0));
+    put_fit(&store, &responses, &model).await;
+    put_optimum(&store, &optimum).await;
     store.pin_model_digest("abc").await.unwrap();
     store.close().await.unwrap();
 
@@ -201,21 +184,14 @@ async fn stages_run_again_replace_their_results() {
             measure_variance: value,
             lilliefors_p: None,
         };
-        store
-            .put_responses(&[response], &from(&DerivedResult::Responses))
-            .await
-            .unwrap();
-        assert_eq!(store.responses().await.unwrap(), [response]);
         let model = ModelRow {
             name: "m".into(),
             number: 0,
             json: value.to_string(),
             summary_json: "{}".into(),
         };
-        store
-            .put_models(std::slice::from_ref(&model), &from(&DerivedResult::Model))
-            .await
-            .unwrap();
+        put_fit(&store, &[response], &model).await;
+        assert_eq!(store.responses().await.unwrap(), [response]);
         assert_eq!(store.models().await.unwrap(), [model]);
     }
 }
