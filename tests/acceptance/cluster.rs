@@ -76,7 +76,7 @@ fn an_interrupted_run_continues() {
 }
 
 #[test]
-fn asked_to_end_programs_give_back_what_they_hold() {
+fn asked_to_end_programs_release_their_leases() {
     let sandbox = Sandbox::new();
     let place = Place::long(&sandbox);
     let coordinator = place.serve(&[]);
@@ -92,7 +92,7 @@ fn asked_to_end_programs_give_back_what_they_hold() {
     assert_eq!(status.code(), Some(14), "{errors}");
     let held = sandbox.status(DB).unwrap();
     assert_eq!(held["finished"], false);
-    assert_eq!(held["failures"], 0, "nobody is to blame");
+    assert_eq!(held["failures"], 0, "a failure was counted");
 }
 
 #[test]

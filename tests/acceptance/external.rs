@@ -185,7 +185,7 @@ fn a_worker_that_leaves_during_a_sample_longer_than_its_lease_hands_it_in() {
         2,
         "one sample a job: {status}"
     );
-    assert_eq!(status["failures"], 0, "nobody is to blame: {status}");
+    assert_eq!(status["failures"], 0, "a failure was counted: {status}");
 }
 
 /// The worker process is paused three times for longer than a lease, in the middle of a sample that

@@ -12,7 +12,7 @@ mod campaign;
 mod chaos;
 mod cluster;
 mod commands;
-mod deaths;
+mod crashes;
 mod deploy;
 mod enriched;
 mod example;

@@ -46,7 +46,7 @@ impl<'s> Place<'s> {
         self.start(&["--lease", lease])
     }
 
-    /// Starts a coordinator that dies at a fail point.
+    /// Starts a coordinator that crashes at a fail point.
     pub(crate) fn serve_dying(&self, point: &str) -> RunningProgram {
         let arguments = [&self.command()[..], &SHORT_LEASES].concat();
         self.sandbox.start_dying(point, &arguments)

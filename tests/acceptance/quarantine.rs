@@ -23,19 +23,19 @@ fn a_design_that_kills_its_workers_at_once_is_quarantined() {
     let place = Place::of_file(&sandbox, &file);
     let coordinator = place.serve(&[]);
     sandbox.wait_for(DB, "a store", |_| true);
-    let mut deaths = 0;
+    let mut crashes = 0;
     let since = std::time::Instant::now();
     loop {
         let worker = place.work(&["--slots", "1", "--exec", &exec]);
         match worker.status.code() {
             Some(0) => break,
-            None => deaths += 1,
+            None => crashes += 1,
             Some(code) => panic!("{code}: {}", errors(&worker)),
         }
         let is_patient = since.elapsed().as_secs() < 600;
         assert!(
             is_patient,
-            "the deadly design is tried for ever: {deaths} deaths"
+            "the deadly design is tried for ever: {crashes} crashes"
         );
     }
     let (ended, errors) = coordinator.finish();
@@ -43,12 +43,12 @@ fn a_design_that_kills_its_workers_at_once_is_quarantined() {
     // Three crashes count against the design alone. A crash that is so quick that the coordinator does not
     // know that the job had started does not count, and how many of these there are depends on the load of
     // the machine.
-    assert!(deaths >= 3, "{deaths} deaths");
+    assert!(crashes >= 3, "{crashes} crashes");
     let status = finished(&sandbox, DB);
     assert_eq!(status["designs"]["done"], 19, "{status}");
 }
 
-/// Every coordinator but the last dies after its first commit and before the acknowledgement.
+/// Every coordinator but the last crashes after its first commit and before the acknowledgement.
 ///
 /// The results of a report are committed before its failures, and every coordinator commits again
 /// the samples of a design that lacks others: the failure would have to wait until the design lacks
@@ -74,19 +74,19 @@ fn a_failure_that_was_not_acknowledged_is_reported_again_and_counts_once() {
             .status(DB)
             .map_or(0.into(), |s| s["failures"].clone())
     };
-    let mut deaths = 0;
+    let mut crashes = 0;
     while failures() == 0 {
         // The commits before it are the wanted generations, the DoE, the model digest, and on a busy machine an
         // evaluation.
-        assert!(deaths < 50, "the failure was not stored");
-        let point = if deaths < 8 {
+        assert!(crashes < 50, "the failure was not stored");
+        let point = if crashes < 8 {
             "after_commit"
         } else {
             "after_commit:2"
         };
         let (status, errors) = place.serve_dying(point).finish();
         assert_eq!(status.signal(), Some(SIGABRT), "{status} {errors}");
-        deaths += 1;
+        crashes += 1;
     }
     assert_all_succeed([("coordinator", place.serve(&[])), ("worker", worker)]);
     let status = finished(&sandbox, DB);

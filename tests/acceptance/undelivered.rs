@@ -99,7 +99,7 @@ fn finish(place: &Place<'_>, sandbox: &Sandbox, work: &[&str]) -> String {
 }
 
 #[test]
-fn what_a_worker_cannot_deliver_before_it_gives_up_is_merged() {
+fn what_a_worker_cannot_deliver_before_it_leaves_is_merged() {
     let sandbox = Sandbox::new();
     let (file, exec) = slow(&sandbox, "0.3");
     let place = Place::of_file(&sandbox, &file);

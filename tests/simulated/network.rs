@@ -84,7 +84,7 @@ struct World {
     epoch: Arc<AtomicU64>,
     board: Arc<Mutex<Option<Arc<Board>>>>,
     /// Workers that fell silent, as reported by the ledger.
-    vanished: Arc<Mutex<Vec<Crash>>>,
+    crashes: Arc<Mutex<Vec<Crash>>>,
     /// Whether the campaign may end.
     may_end: bool,
 }
@@ -96,7 +96,7 @@ impl World {
             memory: Memory::default(),
             epoch: Arc::default(),
             board: Arc::default(),
-            vanished: Arc::default(),
+            crashes: Arc::default(),
             may_end: true,
         }
     }
@@ -115,11 +115,11 @@ impl World {
         let board = Arc::clone(&service.board);
         *self.board.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&board));
         let (memory, may_end) = (self.memory.clone(), self.may_end);
-        let vanished = Arc::clone(&self.vanished);
+        let crashes = Arc::clone(&self.crashes);
         tokio::spawn(async move {
             loop {
                 tokio::time::sleep(LEASE / 20).await;
-                let mut of_world = vanished.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut of_world = crashes.lock().unwrap_or_else(PoisonError::into_inner);
                 of_world.extend(board.expire());
                 drop(of_world);
                 if may_end && memory.is_complete() {
@@ -221,16 +221,13 @@ fn run(
     while !ended {
         ended = sim.step().unwrap();
     }
-    // No worker dies, so silence may cost work but quarantines nothing.
-    let vanished = world
-        .vanished
-        .lock()
-        .unwrap_or_else(PoisonError::into_inner);
+    // No worker crashes, so silence may cost work but quarantines nothing.
+    let crashes = world.crashes.lock().unwrap_or_else(PoisonError::into_inner);
     assert!(
-        !vanished.iter().any(|vanished| vanished.quarantined),
-        "{vanished:?}"
+        !crashes.iter().any(|crash| crash.quarantined),
+        "{crashes:?}"
     );
-    assert!(lasting > LEASE || vanished.is_empty(), "{vanished:?}");
+    assert!(lasting > LEASE || crashes.is_empty(), "{crashes:?}");
     let board = world.board().expect("it ran");
     assert!(board.quarantined().is_empty());
     world.memory.with(|stored| {

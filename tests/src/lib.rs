@@ -280,7 +280,7 @@ impl Sandbox {
         self.start_with(program, arguments, &[])
     }
 
-    /// Starts a coordinator that dies at a fail point, written as for `store::FailPoint`.
+    /// Starts a coordinator that crashes at a fail point, written as for `store::FailPoint`.
     ///
     /// # Panics
     ///

@@ -40,7 +40,7 @@ impl<P: Clone> Ledger<P> {
         let end = wanted.samples;
         let mut history = wanted.history;
         let is_missing = |first| missing.iter().any(|range| range.contains(&first));
-        history.deaths.retain(|_, death| is_missing(death.first));
+        history.crashes.retain(|_, crash| is_missing(crash.first));
         if id.kind == Kind::Run {
             // The failures belong to candidates whose results are stored by now.
             history.failures = 0;
@@ -58,7 +58,7 @@ impl<P: Clone> Ledger<P> {
                 missing,
                 end,
                 leases: BTreeSet::new(),
-                deaths: history.deaths,
+                crashes: history.crashes,
                 earlier_failures: history.failures,
                 is_tolerant: wanted.is_tolerant,
                 failing: BTreeMap::new(),
@@ -122,13 +122,13 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Records a call that only a living worker makes. A report is not such a call: it may be stored after the worker's
-    /// death.
+    /// crash.
     fn hear(&mut self, worker: &WorkerId, now: Duration) {
         if let Some(state) = self.workers.see(worker, now) {
             state.last_sign_of_life = state.last_sign_of_life.max(now);
             state.is_disconnected = false;
-            if state.is_dead {
-                self.take_deaths_back(worker);
+            if state.has_crashed {
+                self.take_crashes_back(worker);
             }
         }
     }
@@ -199,7 +199,7 @@ impl<P: Clone> Ledger<P> {
     /// Extends the leases that a worker holds and returns those that are no longer needed.
     ///
     /// A lease that expired meanwhile is taken up again, unless other leases cover its samples.
-    /// [`mark_dead`](Self::mark_dead) is undone.
+    /// [`mark_crashed`](Self::mark_crashed) is undone.
     pub fn heartbeat(
         &mut self,
         worker: &WorkerId,
@@ -290,7 +290,7 @@ impl<P: Clone> Ledger<P> {
         let has_brought = delivery.has_answers || has_samples || !delivery.refused.is_empty();
         if let Some(lease) = &ended {
             for unit in &lease.units {
-                self.take_death_back(worker, unit.stream);
+                self.take_crash_back(worker, unit.stream);
             }
             if has_brought {
                 self.succeeded(worker, lease, delivery);
@@ -324,9 +324,9 @@ impl<P: Clone> Ledger<P> {
         (failures.collect(), suspended)
     }
 
-    /// Ends the expired leases. A worker that was silent meanwhile [counts as dead](Self::mark_dead). If the worker has
-    /// called, it never received the lease, because its calls would have extended it. Such a lease ends without a
-    /// death.
+    /// Ends the expired leases. A worker that was silent meanwhile [counts as crashed](Self::mark_crashed). If the
+    /// worker has called, it never received the lease, because its calls would have extended it. Such a lease ends
+    /// without a crash.
     pub fn expire(&mut self, now: Duration) -> Vec<Crash> {
         self.wake(now);
         let mut crashes = Vec::new();
@@ -339,8 +339,8 @@ impl<P: Clone> Ledger<P> {
                 let silence = state.map(|state| now.saturating_sub(state.last_sign_of_life));
                 silence.is_some_and(|silence| silence >= self.options.lease / 2)
             };
-            if let Some(dead) = worker.filter(is_silent) {
-                crashes.extend(self.mark_dead(&dead, now));
+            if let Some(silent) = worker.filter(is_silent) {
+                crashes.extend(self.mark_crashed(&silent, now));
             } else {
                 let lease = self.end(id);
                 self.lapsed.extend(lease.map(|lease| (id, lease)));
@@ -390,10 +390,10 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// Quarantines a stream whose [conclusive](Failure::Conclusive) failure cannot be stored.
-    pub fn give_up(&mut self, stream: StreamId, error: &str) {
+    pub fn quarantine(&mut self, stream: StreamId, error: &str) {
         let known = self.streams.get(&stream);
         if known.is_some_and(|known| known.quarantined.is_none()) {
-            self.quarantine(stream, error.to_owned(), false);
+            self.begin_quarantine(stream, error.to_owned(), false);
         }
     }
 
@@ -404,7 +404,7 @@ impl<P: Clone> Ledger<P> {
         for &id in &retried {
             self.reopen(id);
             if let Some(stream) = self.streams.get_mut(&id) {
-                stream.deaths.clear();
+                stream.crashes.clear();
                 stream.earlier_failures = 0;
             }
         }

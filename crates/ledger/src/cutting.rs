@@ -60,7 +60,7 @@ impl<P: Clone> Ledger<P> {
             let Some(stream) = self.streams.get(&id) else {
                 continue;
             };
-            let is_single = !stream.deaths.is_empty()
+            let is_single = !stream.crashes.is_empty()
                 || !stream.failing.is_empty()
                 || id.kind != Kind::Design
                 || !self.options.bundle;

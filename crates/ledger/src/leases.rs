@@ -236,10 +236,10 @@ impl<P: Clone> Ledger<P> {
             });
             let is_suspect = |unit: &Unit| {
                 let stream = self.streams.get(&unit.stream);
-                stream.is_some_and(|stream| !stream.deaths.is_empty())
+                stream.is_some_and(|stream| !stream.crashes.is_empty())
             };
             if units.iter().any(is_suspect) {
-                // The stream that kills workers is found only if each suspect is computed by itself.
+                // The stream that crashes workers is found only if each suspect is computed by itself.
                 units.truncate(1);
             }
             units.retain(|unit| !holds_any || !self.is_isolated(unit.stream));

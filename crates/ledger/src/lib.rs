@@ -47,8 +47,8 @@
 mod calls;
 mod check;
 mod control;
+mod crashes;
 mod cutting;
-mod deaths;
 mod explain;
 mod leases;
 mod ledger;
@@ -64,6 +64,6 @@ pub use ledger::Ledger;
 pub use options::{HEARTBEATS_PER_LEASE, Options};
 pub use ranges::{gaps, subtract};
 pub use types::{
-    Counts, Crash, Death, Delivery, Failure, FailureReport, Generation, Grant, Group, History,
-    Kind, LeaseId, StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
+    Counts, Crash, CrashRecord, Delivery, Failure, FailureReport, Generation, Grant, Group,
+    History, Kind, LeaseId, StreamDemand, StreamId, Unit, Verdict, WorkerId, WorkerStatus,
 };

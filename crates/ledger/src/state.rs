@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::ranges::{common, join, subtract};
-use crate::types::{Death, Generation, LeaseId, Unit, WorkerId};
+use crate::types::{CrashRecord, Generation, LeaseId, Unit, WorkerId};
 
 #[derive(Debug, Clone)]
 pub(crate) struct Stream<P> {
@@ -20,8 +20,8 @@ pub(crate) struct Stream<P> {
     pub(crate) end: u32,
     /// The leases with units of this stream.
     pub(crate) leases: BTreeSet<LeaseId>,
-    /// The workers that died while they held the stream, which then gets leases of its own.
-    pub(crate) deaths: BTreeMap<WorkerId, Death>,
+    /// The crashes of workers that held the stream, which then gets leases of its own.
+    pub(crate) crashes: BTreeMap<WorkerId, CrashRecord>,
     /// Failures before a restart. They count for the sample that fails next.
     pub(crate) earlier_failures: u32,
     /// See [`StreamDemand::is_tolerant`](crate::StreamDemand::is_tolerant).
@@ -50,7 +50,7 @@ pub(crate) struct FailedAttempts {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Quarantine {
     pub(crate) error: String,
-    /// Whether deaths were the reason. A worker that delivers late or calls again takes its death back.
+    /// Whether crashes were the reason. The crash of a worker that delivers late or calls again is taken back.
     pub(crate) for_crashes: bool,
 }
 

@@ -58,8 +58,8 @@ impl<P: Clone> Ledger<P> {
         }
         subtract(&mut stream.missing, &unit.samples);
         subtract(&mut stream.free, &unit.samples);
-        let deaths = &mut stream.deaths;
-        deaths.retain(|_, death| !unit.samples.contains(&death.first));
+        let crashes = &mut stream.crashes;
+        crashes.retain(|_, crash| !unit.samples.contains(&crash.first));
         let settled = stream.failing.keys().copied();
         let settled = settled.filter(|sample| sample.is_some_and(|s| unit.samples.contains(&s)));
         for sample in settled.collect::<Vec<_>>() {
@@ -109,7 +109,7 @@ impl<P: Clone> Ledger<P> {
         }
     }
 
-    pub(crate) fn quarantine(&mut self, id: StreamId, error: String, for_crashes: bool) {
+    pub(crate) fn begin_quarantine(&mut self, id: StreamId, error: String, for_crashes: bool) {
         let Some(stream) = self.streams.get_mut(&id) else {
             return;
         };
@@ -195,7 +195,7 @@ impl<P: Clone> Ledger<P> {
         let is_result = is_conclusive && stream.is_tolerant;
         if (is_conclusive || is_over) && !is_result {
             failing.waits_until = None;
-            self.quarantine(id, failed.error.clone(), false);
+            self.begin_quarantine(id, failed.error.clone(), false);
             return (Failure::Quarantined, suspended);
         }
         let until = now.saturating_add(wait);

@@ -179,20 +179,20 @@ pub struct Unit {
     pub samples: Range<u32>,
 }
 
-/// The death of a worker that held a stream.
+/// A crash in a stream's [`History`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Death {
-    /// Whether the worker held no other stream. Only such a death counts against the stream.
+pub struct CrashRecord {
+    /// Whether the worker held no other stream. Only such a crash counts against the stream.
     pub is_alone: bool,
     /// The first sample that the worker held of the stream.
     pub first: u32,
 }
 
-/// Deaths and failures of a stream before a restart.
+/// Crashes and failures of a stream before a restart.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct History {
-    /// The workers that died while they held the stream, since it was last quarantined or retried.
-    pub deaths: BTreeMap<WorkerId, Death>,
+    /// The crashes of workers that held the stream, since it was last quarantined or retried.
+    pub crashes: BTreeMap<WorkerId, CrashRecord>,
     /// Failures since then.
     pub failures: u32,
 }
@@ -210,7 +210,7 @@ pub struct StreamDemand<P> {
     pub samples: u32,
     /// Those of the wanted samples that are not stored: disjoint, ascending.
     pub missing: Vec<Range<u32>>,
-    /// Deaths and failures before a restart.
+    /// Crashes and failures before a restart.
     pub history: History,
     /// Whether a failure that repeats while others succeed becomes a result of the stream, reported as
     /// [`Failure::Conclusive`], instead of quarantining it.
@@ -286,7 +286,7 @@ pub enum Failure {
     Ignored,
 }
 
-/// A stream that a worker held when it died.
+/// The crash of a worker, with a stream that the worker held.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Crash {
     /// The lease.
@@ -295,9 +295,9 @@ pub struct Crash {
     pub worker: WorkerId,
     /// The stream.
     pub stream: StreamId,
-    /// The death.
-    pub death: Death,
-    /// Whether the death quarantined the stream.
+    /// The part of the crash that goes into the stream's history.
+    pub record: CrashRecord,
+    /// Whether the crash quarantined the stream.
     pub quarantined: bool,
 }
 
@@ -333,7 +333,7 @@ pub struct WorkerStatus {
     pub delivered: u64,
     /// Failures that it reported.
     pub failed: u64,
-    /// Number of times that it vanished while it held leases.
+    /// Number of times that it crashed while it held leases.
     pub crashed: u64,
     /// The end of its suspension, if it is suspended.
     pub suspended_until: Option<Duration>,

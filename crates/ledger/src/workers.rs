@@ -35,8 +35,8 @@ pub(crate) struct Worker {
     pub(crate) last_sign_of_life: Duration,
     /// Whether it has no connection and has not called since.
     pub(crate) is_disconnected: bool,
-    /// Whether it was taken for dead and has not called since.
-    pub(crate) is_dead: bool,
+    /// Whether it counts as crashed and has not called since.
+    pub(crate) has_crashed: bool,
 }
 
 impl Worker {
@@ -57,7 +57,7 @@ impl Worker {
             last_seen: Duration::ZERO,
             last_sign_of_life: Duration::ZERO,
             is_disconnected: false,
-            is_dead: false,
+            has_crashed: false,
         }
     }
 
@@ -155,14 +155,14 @@ impl Workers {
         }
     }
 
-    /// The workers that called within `recently` and have not vanished.
+    /// The workers that called within `recently` and do not count as crashed.
     pub(crate) fn present(
         &self,
         recently: Duration,
         now: Duration,
     ) -> impl Iterator<Item = &Worker> {
         let is_present = move |worker: &&Worker| {
-            !worker.is_dead && now.saturating_sub(worker.last_seen) <= recently
+            !worker.has_crashed && now.saturating_sub(worker.last_seen) <= recently
         };
         self.known.values().filter(is_present)
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use ledger::{Death, History, StreamId};
+use ledger::{CrashRecord, History, StreamId};
 
 use crate::Error;
 use crate::cause::{cause, first_line};
@@ -14,7 +14,7 @@ use crate::values::{StreamKey, key};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, sqlx::Type)]
 #[sqlx(rename_all = "lowercase")]
 pub enum FailureKind {
-    /// The worker died while it held the stream.
+    /// The worker crashed while it held the stream.
     Crash,
     /// The job returned an error.
     Failure,
@@ -39,9 +39,9 @@ impl FailureKind {
 pub struct FailureRow {
     /// The stream.
     pub stream: StreamId,
-    /// The first sample that failed, or that a dead worker held; `None` for a failure of the stream as a whole.
+    /// The first sample that failed, or that a crashed worker held; `None` for a failure of the stream as a whole.
     pub sample: Option<u32>,
-    /// Whether the worker that died held other streams, too, any of which may be the cause.
+    /// Whether the worker that crashed held other streams, too, any of which may be the cause.
     pub shared: bool,
     /// The number of the lease.
     pub lease: u32,
@@ -265,7 +265,7 @@ pub(crate) async fn is_known(
     Ok(connection.one(query).await?.known)
 }
 
-/// The deaths and failures of each stream since it was last quarantined.
+/// The crashes and failures of each stream since it was last quarantined.
 pub(crate) async fn histories(
     connection: &mut Connection<'_>,
 ) -> Result<BTreeMap<StreamId, History>, Error> {
@@ -274,11 +274,11 @@ pub(crate) async fn histories(
         let history = histories.entry(row.stream).or_default();
         match row.kind {
             FailureKind::Crash => {
-                let death = Death {
+                let crash = CrashRecord {
                     is_alone: !row.shared,
                     first: row.sample.unwrap_or(0),
                 };
-                history.deaths.insert(row.worker.as_str().into(), death);
+                history.crashes.insert(row.worker.as_str().into(), crash);
             }
             FailureKind::Failure => history.failures += 1,
             FailureKind::Quarantine => *history = History::default(),

@@ -489,7 +489,7 @@ impl Store {
         failures::is_known(&mut self.reader().await?, worker, serial).await
     }
 
-    /// The deaths and failures of each stream since it was last quarantined.
+    /// The crashes and failures of each stream since it was last quarantined.
     pub async fn stream_histories(&self) -> Result<BTreeMap<StreamId, History>, Error> {
         failures::histories(&mut self.reader().await?).await
     }

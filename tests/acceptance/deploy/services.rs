@@ -121,7 +121,7 @@ fn user_services_survive_kills_stops_and_restarts() {
     );
     assert_eq!(served["finished"], true, "{served}");
     assert_eq!(served["samples_digest"], local["samples_digest"]);
-    // The death of a worker that was killed while it held jobs.
+    // The crash of a worker that was killed while it held jobs.
     let groups = served["failure_groups"].as_array().unwrap();
     assert!(
         groups.iter().all(|group| group["kind"] == "crash"),

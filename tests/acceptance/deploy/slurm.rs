@@ -239,7 +239,7 @@ fn slow_example(sandbox: &Sandbox) -> (String, String) {
 }
 
 #[test]
-fn whatever_slurm_ends_finished_samples_stay_and_nobody_is_blamed() {
+fn whatever_slurm_ends_finished_samples_stay_and_no_failure_counts() {
     let sandbox = Sandbox::new();
     let Some(cluster) = Cluster::start(&sandbox) else {
         return;

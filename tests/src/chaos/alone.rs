@@ -21,7 +21,7 @@ const LATEST_KILL: u64 = 4000;
 const PATIENCE: Duration = Duration::from_secs(300);
 /// Exit code: something was quarantined, which the same command computes again.
 const INCOMPLETE: i32 = 13;
-/// Most runs of the same command. Each death that the simulator causes happens once.
+/// Most runs of the same command. Each crash that the simulator causes happens once.
 const RUNS: usize = 40;
 
 /// Gives the same command until the campaign is finished.

@@ -167,7 +167,7 @@ impl Programs {
         command.args(["--access", ACCESS, "--connect"]);
         command.arg(address.to_string());
         command.args(["--slots", &slots.to_string(), "--grace", "2"]);
-        // Notes of the dead and undelivered results stay in the round's folder.
+        // Notes of crashed workers and undelivered results stay in the round's folder.
         command.args(["--undelivered", "undelivered"]);
         command.args(simulator);
         command

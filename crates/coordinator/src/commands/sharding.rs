@@ -167,7 +167,7 @@ async fn engine(
     let mut histories = store.stream_histories().await?;
     histories
         .values_mut()
-        .for_each(|history| history.deaths.clear());
+        .for_each(|history| history.crashes.clear());
     board.remember(histories);
     let engine = Engine::new(
         Arc::clone(problem),

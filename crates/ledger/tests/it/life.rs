@@ -58,10 +58,10 @@ fn the_rest_of_a_partial_result_is_free_at_once() {
     assert!(rest.lease.number > grant.lease.number);
 }
 
-/// A worker that computes its leases in order, as many at a time as it has slots, and dies with a deadly design. Its
-/// connection is lost at once, another worker is started at once, and the leases of the dead one are free 2.5 s after
-/// its death.
-fn deaths_of(
+/// A worker that computes its leases in order, as many at a time as it has slots, and crashes with a deadly design. Its
+/// connection is lost at once, another worker is started at once, and the leases of the crashed worker are free 2.5 s
+/// after its crash. Returns the number of crashes and the quarantined streams.
+fn crashes_of(
     slots: usize,
     deadly: &[StreamId],
     is_replaced_at_once: bool,
@@ -71,16 +71,16 @@ fn deaths_of(
         ..Options::default()
     };
     let mut ledger = ledger(options, 30, 4, &[]);
-    let mut dying: VecDeque<(Duration, WorkerId)> = VecDeque::new();
-    let mut deaths = 0;
+    let mut crashed: VecDeque<(Duration, WorkerId)> = VecDeque::new();
+    let mut crashes = 0;
     let mut now = at(0.0);
     loop {
-        let name = deaths.to_string();
+        let name = crashes.to_string();
         ledger.register(&worker(&name), "here", slots, now);
         let mut held: VecDeque<Grant<()>> = VecDeque::new();
         loop {
-            while let Some((until, dead)) = dying.pop_front_if(|(until, _)| *until <= now) {
-                ledger.mark_dead(&dead, until);
+            while let Some((until, gone)) = crashed.pop_front_if(|(until, _)| *until <= now) {
+                ledger.mark_crashed(&gone, until);
             }
             // It prefetches some leases.
             while held.len() < slots + 2
@@ -97,43 +97,43 @@ fn deaths_of(
                 Some(grant) => {
                     ledger.deliver(&worker(&name), grant.lease, &all_of(&grant), now);
                 }
-                None if dying.is_empty() && ledger.counts().free == 0 => {
+                None if crashed.is_empty() && ledger.counts().free == 0 => {
                     let quarantined = ledger.quarantined().map(|(id, _)| id);
-                    return (deaths, quarantined.collect());
+                    return (crashes, quarantined.collect());
                 }
                 None => {}
             }
         }
-        deaths += 1;
+        crashes += 1;
         ledger.mark_disconnected(&worker(&name));
-        dying.push_back((now + at(2.5), worker(&name)));
+        crashed.push_back((now + at(2.5), worker(&name)));
         now += at(if is_replaced_at_once { 0.1 } else { 3.0 });
         ledger.check();
-        assert!(deaths < 200, "it never ends");
+        assert!(crashes < 200, "it never ends");
     }
 }
 
 #[test]
-fn a_design_that_kills_its_workers_kills_few_of_them_and_takes_no_other_along() {
+fn a_design_that_crashes_its_workers_crashes_few_of_them_and_takes_no_other_along() {
     for (slots, at_once) in [1, 2, 16]
         .into_iter()
         .flat_map(|slots| [(slots, true), (slots, false)])
     {
         for deadly in 0..30 {
             let deadly = [StreamId::design(deadly)];
-            let (deaths, quarantined) = deaths_of(slots, &deadly, at_once);
+            let (crashes, quarantined) = crashes_of(slots, &deadly, at_once);
             assert!(
-                deaths <= 5,
-                "{deaths} workers of {slots} slots died on {deadly:?}, at once: {at_once}"
+                crashes <= 5,
+                "{crashes} workers of {slots} slots crashed on {deadly:?}, at once: {at_once}"
             );
             assert_eq!(quarantined, BTreeSet::from(deadly));
         }
         for several in [vec![0, 1, 2], vec![3, 9, 17], (3..14).collect()] {
             let deadly: Vec<StreamId> = several.into_iter().map(StreamId::design).collect();
-            let (deaths, quarantined) = deaths_of(slots, &deadly, at_once);
+            let (crashes, quarantined) = crashes_of(slots, &deadly, at_once);
             assert!(
-                deaths <= 5 * deadly.len(),
-                "{deaths} workers of {slots} slots died on {deadly:?}, at once: {at_once}"
+                crashes <= 5 * deadly.len(),
+                "{crashes} workers of {slots} slots crashed on {deadly:?}, at once: {at_once}"
             );
             assert_eq!(quarantined, deadly.into_iter().collect());
         }
@@ -141,17 +141,17 @@ fn a_design_that_kills_its_workers_kills_few_of_them_and_takes_no_other_along() 
 }
 
 #[test]
-fn a_worker_that_was_only_silent_takes_its_deaths_back() {
+fn a_worker_that_was_only_silent_takes_its_crashes_back() {
     let options = Options {
         max_crashes: 1,
         ..alone()
     };
     let mut ledger = ledger(options, 1, 10, &["a"]);
     let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
-    let [crash] = &ledger.mark_dead(&worker("a"), at(3.0))[..] else {
+    let [crash] = &ledger.mark_crashed(&worker("a"), at(3.0))[..] else {
         panic!("one stream")
     };
-    assert!(crash.quarantined && crash.death.is_alone);
+    assert!(crash.quarantined && crash.record.is_alone);
     assert_eq!(beat(&mut ledger, "a", &[&grant], at(4.0)), []);
     assert_eq!(ledger.quarantined().count(), 0);
     ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(5.0));
@@ -163,15 +163,15 @@ fn a_note_of_what_was_begun_replaces_what_was_guessed() {
     let mut ledger = ledger(alone(), 3, 10, &["a"]);
     ledger.register(&worker("a"), "here", 3, at(0.0));
     let held = lease_all(&mut ledger, "a", at(0.0));
-    assert_eq!(ledger.mark_dead(&worker("a"), at(3.0)).len(), 3);
+    assert_eq!(ledger.mark_crashed(&worker("a"), at(3.0)).len(), 3);
     let begun = [(held[1].lease, units(&held[1])[0].clone())];
     for _ in 0..2 {
         // The note may come twice.
-        let [crash] = &ledger.record_death(&worker("a"), &begun)[..] else {
+        let [crash] = &ledger.record_crash(&worker("a"), &begun)[..] else {
             panic!("one stream")
         };
         assert_eq!(crash.stream, StreamId::design(1));
-        assert!(crash.death.is_alone);
+        assert!(crash.record.is_alone);
     }
     ledger.register(&worker("b"), "here", 1, at(4.0));
     let free = lease_all(&mut ledger, "b", at(4.0));
@@ -185,7 +185,7 @@ fn a_note_of_what_was_begun_replaces_what_was_guessed() {
 
 /// A machine that is switched off every evening, in the middle of the same stream.
 #[test]
-fn deaths_with_a_success_in_between_are_not_the_streams_fault() {
+fn crashes_with_a_success_in_between_are_not_the_streams_fault() {
     let mut ledger = ledger(alone(), 1, 10, &[]);
     for day in 0..10 {
         let name = day.to_string();
@@ -198,7 +198,7 @@ fn deaths_with_a_success_in_between_are_not_the_streams_fault() {
         ledger.lease(&worker(&name), now);
         assert!(
             ledger
-                .mark_dead(&worker(&name), now + at(3.0))
+                .mark_crashed(&worker(&name), now + at(3.0))
                 .iter()
                 .all(|crash| !crash.quarantined)
         );
@@ -207,7 +207,7 @@ fn deaths_with_a_success_in_between_are_not_the_streams_fault() {
 }
 
 #[test]
-fn a_lease_that_its_worker_never_got_counts_as_no_death() {
+fn a_lease_that_its_worker_never_got_counts_as_no_crash() {
     let mut ledger = ledger(alone(), 1, 10, &["a"]);
     ledger.lease(&worker("a"), at(0.0)).unwrap();
     for beats in 1..8 {
@@ -218,7 +218,7 @@ fn a_lease_that_its_worker_never_got_counts_as_no_death() {
 }
 
 #[test]
-fn a_worker_that_leaves_is_blamed_for_nothing() {
+fn no_crash_or_failure_counts_for_a_worker_that_leaves() {
     let mut ledger = ledger(alone(), 4, 1, &["a", "b"]);
     ledger.register(&worker("a"), "here", 2, at(0.0));
     let (one, two) = (

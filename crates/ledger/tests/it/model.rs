@@ -44,8 +44,8 @@ enum Call {
         which: usize,
     },
     Leave(usize),
-    MarkDead(usize),
-    RecordDeath(usize),
+    MarkCrashed(usize),
+    RecordCrash(usize),
     /// Time passes, in lease times.
     Pass(f64),
     Drain(bool),
@@ -68,8 +68,8 @@ fn call() -> impl Strategy<Value = Call> {
         3 => (who.clone(), which.clone()).prop_map(|(who, which)| Call::Fail { who, which }),
         2 => (who.clone(), which).prop_map(|(who, which)| Call::Release { who, which }),
         1 => who.clone().prop_map(Call::Leave),
-        2 => who.clone().prop_map(Call::MarkDead),
-        1 => who.prop_map(Call::RecordDeath),
+        2 => who.clone().prop_map(Call::MarkCrashed),
+        1 => who.prop_map(Call::RecordCrash),
         4 => (0.0..1.5).prop_map(Call::Pass),
         1 => any::<bool>().prop_map(Call::Drain),
         1 => Just(Call::Retry),
@@ -90,7 +90,7 @@ struct World {
     held: Vec<Vec<Grant<()>>>,
     /// Every lease ever granted.
     names: BTreeSet<LeaseId>,
-    died_alone: BTreeMap<StreamId, BTreeSet<WorkerId>>,
+    crashed_alone: BTreeMap<StreamId, BTreeSet<WorkerId>>,
     log: Vec<String>,
 }
 
@@ -116,7 +116,7 @@ impl World {
             stored: BTreeMap::new(),
             held: vec![Vec::new(); WORKERS],
             names: BTreeSet::new(),
-            died_alone: BTreeMap::new(),
+            crashed_alone: BTreeMap::new(),
             log: Vec::new(),
         };
         world.restart();
@@ -126,7 +126,7 @@ impl World {
     fn restart(&mut self) {
         self.epoch += 1;
         self.ledger = Ledger::new(Options::default(), self.epoch);
-        self.died_alone.clear();
+        self.crashed_alone.clear();
         for stream in 0..STREAMS {
             self.want(id(stream));
         }
@@ -194,13 +194,13 @@ impl World {
 
     fn check_crashes(&mut self, crashes: Vec<Crash>) {
         for crash in crashes {
-            if crash.death.is_alone {
-                let died = self.died_alone.entry(crash.stream).or_default();
-                died.insert(crash.worker.clone());
+            if crash.record.is_alone {
+                let crashed = self.crashed_alone.entry(crash.stream).or_default();
+                crashed.insert(crash.worker.clone());
                 let enough = Options::default().max_crashes;
-                assert!(!crash.quarantined || died.len() >= enough, "{crash:?}");
+                assert!(!crash.quarantined || crashed.len() >= enough, "{crash:?}");
             }
-            assert!(crash.death.is_alone || !crash.quarantined, "{crash:?}");
+            assert!(crash.record.is_alone || !crash.quarantined, "{crash:?}");
             self.log.push(format!("{crash:?}"));
         }
     }
@@ -280,16 +280,16 @@ impl World {
                 let crashes = self.ledger.expire(self.now);
                 self.check_crashes(crashes);
             }
-            Call::MarkDead(who) => {
-                let crashes = self.ledger.mark_dead(&name(who), self.now);
+            Call::MarkCrashed(who) => {
+                let crashes = self.ledger.mark_crashed(&name(who), self.now);
                 self.check_crashes(crashes);
             }
-            Call::RecordDeath(who) => {
+            Call::RecordCrash(who) => {
                 let held = self.held[who].iter();
                 let begun =
                     held.flat_map(|grant| units(grant).into_iter().map(|unit| (grant.lease, unit)));
                 let begun: Vec<(LeaseId, Unit)> = begun.take(1).collect();
-                let crashes = self.ledger.record_death(&name(who), &begun);
+                let crashes = self.ledger.record_crash(&name(who), &begun);
                 self.check_crashes(crashes);
                 self.held[who].clear();
                 self.ledger.register(&name(who), "here", 2, self.now);
@@ -301,7 +301,7 @@ impl World {
             }
             Call::Change(stream) => {
                 *self.generations.get_mut(&id(stream)).expect("it is there") += 1;
-                self.died_alone.remove(&id(stream));
+                self.crashed_alone.remove(&id(stream));
                 self.want(id(stream));
             }
             Call::Restart => self.restart(),

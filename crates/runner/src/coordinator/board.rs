@@ -1,7 +1,7 @@
 //! The ledger behind a lock, with real time and notifications. The service and the engine share it.
 //!
 //! `jobs` has the calls of the engine, `workers` those of workers, and `clients` those of the status, `drain` and
-//! `retry`. `connections` notices the deaths of workers.
+//! `retry`. `connections` notices the crashes of workers.
 
 mod clients;
 mod connections;
@@ -37,7 +37,7 @@ pub enum Course {
 
 struct Inner {
     ledger: Ledger<Arc<Source>>,
-    /// Deaths and failures before this coordinator started, of streams that are not wanted yet.
+    /// Crashes and failures before this coordinator started, of streams that are not wanted yet.
     histories: BTreeMap<StreamId, History>,
     connections: Connections,
     rates: Rates,

@@ -1,4 +1,4 @@
-//! The expiry of leases, and the record of deaths.
+//! The expiry of leases, and the record of crashes.
 
 use std::time::Duration;
 
@@ -14,7 +14,7 @@ use crate::coordinator::recorder::Recorder;
 
 /// Interval between checks for expired leases.
 const EXPIRY_PERIOD: Duration = Duration::from_millis(200);
-/// Maximum number of jobs that the log names of a worker that died.
+/// Maximum number of jobs that the log names for a worker that crashed.
 const NAMED: usize = 8;
 
 /// Ends expired leases until it is dropped, and records the possible crashes.
@@ -43,7 +43,7 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
     }
 }
 
-/// Records the streams that workers held when they died. `is_known`: the worker was computing these streams. Otherwise
+/// Records crashes with the streams that the workers held. `is_known`: the worker was computing these streams. Otherwise
 /// they are all that the worker held, perhaps hundreds, and only the first gets a row: the board remembers the others.
 pub(crate) async fn record<R: Recorder>(
     mut crashes: Vec<Crash>,
@@ -56,7 +56,7 @@ pub(crate) async fn record<R: Recorder>(
     for of_one in crashes.chunk_by(|a, b| a.worker == b.worker) {
         let jobs: Vec<String> = of_one.iter().take(NAMED).map(job).collect();
         let more = of_one.len() - jobs.len();
-        warn!(worker = %of_one[0].worker, jobs = %jobs.join(", "), more, "a worker died with these leases");
+        warn!(worker = %of_one[0].worker, jobs = %jobs.join(", "), more, "a worker crashed with these leases");
     }
     if !is_known {
         crashes.dedup_by(|b, a| a.worker == b.worker);
@@ -73,24 +73,27 @@ fn job(crash: &Crash) -> String {
 }
 
 fn failure(crash: Crash) -> FailureRow {
-    let (kind, error) = match (crash.quarantined, crash.death.is_alone) {
+    let (kind, error) = match (crash.quarantined, crash.record.is_alone) {
         (true, _) => {
-            error!(job = %job(&crash), worker = %crash.worker, "too many workers died on it: quarantined");
+            error!(job = %job(&crash), worker = %crash.worker, "too many workers crashed on it: quarantined");
             (
                 FailureKind::Quarantine,
-                "its workers died while they computed it",
+                "its workers crashed while they computed it",
             )
         }
-        (false, true) => (FailureKind::Crash, "its worker died while it computed it"),
+        (false, true) => (
+            FailureKind::Crash,
+            "its worker crashed while it computed it",
+        ),
         (false, false) => (
             FailureKind::Crash,
-            "its worker died while it held this and other jobs, any of which may be the cause",
+            "its worker crashed while it held this and other jobs, any of which may be the cause",
         ),
     };
     FailureRow {
         stream: crash.stream,
-        sample: Some(crash.death.first),
-        shared: !crash.death.is_alone,
+        sample: Some(crash.record.first),
+        shared: !crash.record.is_alone,
         lease: u32::try_from(crash.lease.number).unwrap_or(u32::MAX),
         worker: crash.worker.to_string(),
         serial: None,

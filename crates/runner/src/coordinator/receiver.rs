@@ -116,7 +116,7 @@ impl<R: Recorder> Receiver<'_, R> {
                     Failure::Conclusive
                         if failed.contradicts || !self.conclude(&failed).await? =>
                     {
-                        self.board.give_up(failed.stream, &failed.error);
+                        self.board.quarantine(failed.stream, &failed.error);
                         Failure::Quarantined
                     }
                     outcome => outcome,

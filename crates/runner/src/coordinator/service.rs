@@ -80,8 +80,8 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
         if !request.model_digest.is_empty() {
             self.check_model(&request.worker_id, &request.model_digest)
                 .await?;
-            for dead in &request.died {
-                self.record_death(dead).await?;
+            for crashed in &request.died {
+                self.record_crash(crashed).await?;
             }
             let held = request.held.iter().map(|held| {
                 let units: Result<Vec<Unit>, _> = held.units.iter().map(Unit::try_from).collect();
@@ -303,10 +303,10 @@ impl<R: Recorder> Service<R> {
         }
     }
 
-    /// Counts the death of a former worker of the caller's machine.
-    async fn record_death(&self, dead: &DeadWorker) -> Result<(), Status> {
-        let worker = WorkerId::from(dead.worker_id.as_str());
-        let begun = dead.begun.iter().filter_map(|begun| {
+    /// Counts the crash of a former worker of the caller's machine.
+    async fn record_crash(&self, crashed: &DeadWorker) -> Result<(), Status> {
+        let worker = WorkerId::from(crashed.worker_id.as_str());
+        let begun = crashed.begun.iter().filter_map(|begun| {
             let units = begun
                 .units
                 .iter()
@@ -315,7 +315,7 @@ impl<R: Recorder> Service<R> {
         });
         let begun = begun.flat_map(|(id, units)| units.into_iter().map(move |unit| (id, unit)));
         let begun: Vec<(LeaseId, Unit)> = begun.collect();
-        let crashes = self.board.record_death(&worker, &begun);
+        let crashes = self.board.record_crash(&worker, &begun);
         let recorded = leases::record(crashes, true, &self.recorder).await;
         recorded.map_err(|error| not_stored(&error))
     }

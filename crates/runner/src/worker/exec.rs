@@ -1,7 +1,7 @@
 //! External simulators: programs that answer each line of JSON with a line, or read and write
 //! files.
 //!
-//! A slot keeps a process over many requests. A process that dies, sends a malformed answer or takes too long fails the
+//! A slot keeps a process over many requests. A process that crashes, sends a malformed answer or takes too long fails the
 //! current job, and the next job gets a new process. Output that is not an answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
@@ -383,7 +383,7 @@ impl Session<'_> {
             return Ok(());
         }
         while let Some(process) = self.programs.idle().pop() {
-            // A process that died while idle fails no job.
+            // A process that ended while idle fails no job.
             if !process.has_ended() {
                 *self.process.borrow_mut() = Some(process);
                 return Ok(());

@@ -198,7 +198,7 @@ impl Worker {
             unable = shared.unable() => Err(unable),
         };
         stop.cancel();
-        // A death from here on is not the fault of a unit.
+        // No unit is the cause of a crash from here on.
         shared.journal.remove();
         let asked = tokio::time::Instant::now();
         if let Ok(End::Dismissed) = end {

@@ -93,7 +93,7 @@ enum Continuation {
     ByRestart,
     /// By `retry`, and in another coordinator: the first one ended when the samples were stored,
     /// before its engine read the state.
-    AfterDeath,
+    AfterCrash,
 }
 
 /// A design is quarantined while it gets additional samples, so its response rests on fewer, and the
@@ -124,7 +124,7 @@ async fn ends_as_if_undisturbed(resumed: Continuation) {
     assert_ne!(before.optima, expected.optima);
 
     match resumed {
-        Continuation::ByRetry | Continuation::AfterDeath => {
+        Continuation::ByRetry | Continuation::AfterCrash => {
             assert_eq!(coordinator.board.retry(), [stream]);
             tokio::select! {
                 () = coordinator.work(1, &|_, _| false) => {}
@@ -152,8 +152,8 @@ async fn a_response_from_too_few_samples_is_replaced_after_a_restart() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_response_from_too_few_samples_is_replaced_after_the_death_of_a_coordinator() {
-    ends_as_if_undisturbed(Continuation::AfterDeath).await;
+async fn a_response_from_too_few_samples_is_replaced_after_the_crash_of_a_coordinator() {
+    ends_as_if_undisturbed(Continuation::AfterCrash).await;
 }
 
 /// Results that this coordinator's workers computed, and that turn out to be of other inputs, are computed again: its

@@ -457,7 +457,7 @@ async fn whoever_watches_hears_of_a_change_and_of_nothing_else() {
 }
 
 #[tokio::test]
-async fn what_is_given_back_goes_to_the_next_worker_without_blame() {
+async fn a_released_lease_goes_to_the_next_worker_and_counts_as_no_failure() {
     let bench = bench().await;
     for worker in ["leaver", "next"] {
         bench.register(bench.introduction(worker)).await.unwrap();

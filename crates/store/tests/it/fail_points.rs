@@ -1,6 +1,6 @@
-//! The process dies at a fail point. Afterwards its acknowledged rows are stored exactly once.
+//! The process ends at a fail point. Afterwards its acknowledged rows are stored exactly once.
 //!
-//! A child process dies: this test program, told to run only the ignored test below.
+//! A child process ends: this test program, told to run only the ignored test below.
 
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
@@ -109,18 +109,18 @@ async fn killed_between_commit_and_acknowledgement() {
 
 #[tokio::test]
 async fn killed_during_a_checkpoint() {
-    let mut deaths = 0;
+    let mut crashes = 0;
     for microseconds in [0, 100, 400, 1500] {
         let (_folder, path) = folder();
         store_with(&path, 1).await.close().await.unwrap();
         let point = format!("checkpoint:0:{microseconds}");
         let (acknowledged, killed) = run_child(&path, &point);
         // With a long delay the child may end before it is killed.
-        deaths += u32::from(killed);
+        crashes += u32::from(killed);
         assert_eq!(acknowledged, BATCHES);
         finish(&path, BATCHES).await;
     }
-    assert!(deaths > 0, "no child died in time");
+    assert!(crashes > 0, "no child was killed in time");
 }
 
 #[tokio::test]

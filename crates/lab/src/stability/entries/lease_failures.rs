@@ -147,10 +147,10 @@ fn shared(outcome: &mut Outcome) -> Result<(), EntryError> {
     let crashes = ledger.expire(at(60.0));
     crashed(outcome, &crashes);
     outcome.holds(
-        "the death counts against none of them",
+        "the crash counts against none of them",
         crashes
             .iter()
-            .all(|crash| !crash.death.is_alone && !crash.quarantined),
+            .all(|crash| !crash.record.is_alone && !crash.quarantined),
     );
     let suspects: Vec<StreamId> = units(&grant).iter().map(|unit| unit.stream).collect();
     let mut largest = 0;

@@ -1,5 +1,5 @@
 //! The connections of workers. A worker whose last connection ends, and that has not said that it leaves, has most
-//! likely died.
+//! likely crashed.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,15 +18,15 @@ const RETURN: Duration = Duration::from_millis(2500);
 pub(super) struct Connections {
     /// The number of connections of each worker that has one.
     open: BTreeMap<WorkerId, usize>,
-    /// The workers without a connection, and when they count as dead.
+    /// The workers without a connection, and when they count as crashed.
     lost: BTreeMap<WorkerId, Duration>,
 }
 
 impl Connections {
-    /// The workers that have not come back, which are forgotten.
-    pub(super) fn dead(&mut self, now: Duration) -> Vec<WorkerId> {
-        let dead = self.lost.extract_if(.., |_, until| *until <= now);
-        dead.map(|(worker, _)| worker).collect()
+    /// Removes and returns the workers that have not come back in time.
+    pub(super) fn take_lost(&mut self, now: Duration) -> Vec<WorkerId> {
+        let lost = self.lost.extract_if(.., |_, until| *until <= now);
+        lost.map(|(worker, _)| worker).collect()
     }
 }
 

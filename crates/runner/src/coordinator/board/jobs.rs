@@ -11,7 +11,7 @@ use stages::searching::Progress;
 use super::{Board, Course};
 
 impl Board {
-    /// Restores the deaths and failures of streams from before a restart.
+    /// Restores the crashes and failures of streams from before a restart.
     pub fn remember(&self, histories: BTreeMap<StreamId, History>) {
         self.lock().histories = histories;
     }
@@ -62,14 +62,14 @@ impl Board {
         let now = self.now();
         let mut inner = self.lock();
         let before = inner.ledger.counts();
-        let mut vanished = inner.ledger.expire(now);
-        for dead in inner.connections.dead(now) {
-            vanished.extend(inner.ledger.mark_dead(&dead, now));
+        let mut crashes = inner.ledger.expire(now);
+        for worker in inner.connections.take_lost(now) {
+            crashes.extend(inner.ledger.mark_crashed(&worker, now));
         }
         if inner.ledger.counts() != before {
             self.ring(inner);
         }
-        vanished
+        crashes
     }
 
     #[must_use]

@@ -44,14 +44,14 @@ impl Board {
         })
     }
 
-    /// Counts the death of a worker that left a note of the units it was computing.
-    pub fn record_death(&self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
+    /// Counts the crash of a worker that left a note of the units it was computing.
+    pub fn record_crash(&self, worker: &WorkerId, begun: &[(LeaseId, Unit)]) -> Vec<Crash> {
         self.change(|inner, _| {
-            let crashes = inner.ledger.record_death(worker, begun);
+            let crashes = inner.ledger.record_crash(worker, begun);
             let is_unknown = |crash: &&Crash| inner.ledger.source(crash.stream).is_none();
             for crash in crashes.iter().filter(is_unknown) {
                 let history = inner.histories.entry(crash.stream).or_default();
-                history.deaths.insert(worker.clone(), crash.death);
+                history.crashes.insert(worker.clone(), crash.record);
             }
             crashes
         })
@@ -180,8 +180,8 @@ impl Board {
     }
 
     /// Quarantines a stream whose failure cannot be stored as a result.
-    pub fn give_up(&self, stream: StreamId, error: &str) {
-        self.change(|inner, _| inner.ledger.give_up(stream, error));
+    pub fn quarantine(&self, stream: StreamId, error: &str) {
+        self.change(|inner, _| inner.ledger.quarantine(stream, error));
     }
 
     /// Returns the instruction to workers, and records that `worker` has been told if it is to

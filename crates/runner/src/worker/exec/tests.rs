@@ -206,14 +206,14 @@ fn a_refused_design_is_a_result_and_a_refused_sample_is_infinitely_bad() {
 #[test]
 fn a_failure_names_design_sample_status_request_and_standard_error() {
     // Fails on the third sample.
-    let dying = r#"
+    let ending = r#"
         n=0
         on_sample() {
             n=$((n + 1))
             [ $n -lt 3 ] || { echo 'out of licences' >&2; exit 3; }
             answer '"delta_ste_um":1'
         }"#;
-    let error = run(&backend(dying), THREE).unwrap_err();
+    let error = run(&backend(ending), THREE).unwrap_err();
     for part in [
         "design-0, sample 2: the simulator ended (exit status: 3) before it had answered",
         "\"request\":\"sample\"",
@@ -224,14 +224,14 @@ fn a_failure_names_design_sample_status_request_and_standard_error() {
 }
 
 #[test]
-fn a_process_that_died_is_replaced() {
+fn a_process_that_crashed_is_replaced() {
     let once = mark();
     let file = std::env::temp_dir().join(&once);
-    let dying = format!(
+    let crashing = format!(
         "on_sample() {{ [ -e {file} ] || {{ : > {file}; kill -9 $$; }}; answer '\"delta_ste_um\":1'; }}",
         file = file.display()
     );
-    let backend = backend(&dying);
+    let backend = backend(&crashing);
     let error = run(&backend, THREE).unwrap_err();
     assert!(error.contains("signal: 9"), "{error}");
     assert_eq!(values(&run(&backend, THREE).unwrap()), [1.0; 3]);
@@ -239,12 +239,12 @@ fn a_process_that_died_is_replaced() {
 }
 
 #[test]
-fn a_process_that_died_between_jobs_fails_none() {
+fn a_process_that_ended_between_jobs_fails_none() {
     // The process ends by itself after the third sample, between two requests.
-    let dying = r#"
+    let ending = r#"
         n=0
         on_sample() { n=$((n + 1)); answer '"delta_ste_um":1'; [ $n -lt 3 ] || exit 0; }"#;
-    let backend = backend(dying);
+    let backend = backend(ending);
     for _ in 0..2 {
         assert_eq!(values(&run(&backend, THREE).unwrap()), [1.0; 3]);
         let Backend::External(programs) = &backend else {

@@ -95,7 +95,7 @@ fn a_heartbeat_names_waiting_running_and_unacknowledged_leases() {
 }
 
 #[test]
-fn giving_up_keeps_what_runs_and_what_is_finished() {
+fn a_release_keeps_running_and_finished_leases() {
     let held = taken(1..=3);
     held.start(id(2));
     held.start(id(3));
@@ -103,15 +103,19 @@ fn giving_up_keeps_what_runs_and_what_is_finished() {
     assert_eq!(held.release_waiting(), [id(1)]);
     assert!(
         held.start(id(1)).is_none(),
-        "what was given back must not be computed"
+        "a released lease must not be computed"
     );
     assert_eq!(held.release_all(), [id(2)]);
     held.finish(id(2));
-    assert_eq!(held.unacknowledged(), 1, "what was given back is not ours");
+    assert_eq!(
+        held.unacknowledged(),
+        1,
+        "the report of a released lease is not kept"
+    );
 }
 
 #[test]
-fn giving_up_hands_in_what_is_finished_of_a_lease() {
+fn a_release_of_all_reports_the_finished_part_of_a_lease() {
     let held = taken(1..=4);
     for number in 1..=4 {
         held.start(id(number));

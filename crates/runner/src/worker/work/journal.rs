@@ -1,6 +1,6 @@
 //! A note of the units that a worker is computing, in a file that survives the worker.
 //!
-//! A program that simulates can take its worker along: it may end the process group, or use up the memory. The next
+//! A program that simulates can crash its worker: it may end the process group, or use up the memory. The next
 //! worker with the same folder reads the note and tells the coordinator which units were being computed, so that only
 //! these are suspected. The built-in simulator needs none.
 //!
@@ -40,7 +40,7 @@ pub(super) struct Journal {
 struct State {
     own: Option<OwnFile>,
     /// The notes of workers that ended without removing them.
-    dead: Vec<OrphanFile>,
+    crashed: Vec<OrphanFile>,
 }
 
 /// The file of this worker.
@@ -94,23 +94,24 @@ impl Journal {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The former workers of the campaign with this digest that died, with the units that each was computing.
-    pub(super) fn dead(&self, campaign: &str) -> Vec<DeadWorker> {
+    /// The former workers of the campaign with this digest that crashed, with the units that each was computing.
+    pub(super) fn crashed(&self, campaign: &str) -> Vec<DeadWorker> {
         let Some((folder, prefix)) = &self.place else {
             return Vec::new();
         };
         let mut state = self.state();
-        if state.dead.is_empty() {
-            state.dead = dead(folder, prefix, campaign);
+        if state.crashed.is_empty() {
+            state.crashed = orphans(folder, prefix, campaign);
         }
-        state.dead.iter().map(|dead| dead.worker.clone()).collect()
+        let orphans = state.crashed.iter();
+        orphans.map(|orphan| orphan.worker.clone()).collect()
     }
 
-    /// Removes the notes of dead workers, whose content the coordinator knows.
-    pub(super) fn forget_dead(&self) {
-        for dead in std::mem::take(&mut self.state().dead) {
-            if let Err(error) = fs::remove_file(&dead.path) {
-                warn!(file = %dead.path.display(), %error, "the note of a dead worker stays");
+    /// Removes the notes of crashed workers, whose content the coordinator knows.
+    pub(super) fn forget_crashed(&self) {
+        for orphan in std::mem::take(&mut self.state().crashed) {
+            if let Err(error) = fs::remove_file(&orphan.path) {
+                warn!(file = %orphan.path.display(), %error, "cannot remove the note of a crashed worker");
             }
         }
     }
@@ -214,7 +215,7 @@ fn begun(record: &[u8]) -> Option<HeldLease> {
 }
 
 /// The notes of this campaign in a folder that no living worker holds, in the order of their names.
-fn dead(folder: &Path, prefix: &str, campaign: &str) -> Vec<OrphanFile> {
+fn orphans(folder: &Path, prefix: &str, campaign: &str) -> Vec<OrphanFile> {
     let is_note = |name: &str| name.starts_with(prefix) && name.ends_with(ENDING);
     let unlocked = unlocked(folder, is_note).into_iter();
     unlocked
@@ -274,21 +275,21 @@ mod tests {
         drop(one);
         let _three = first.begin(LEASE, &unit(3));
         let next = Journal::new(place(), 1);
-        assert!(next.dead("digest").is_empty(), "it lives");
+        assert!(next.crashed("digest").is_empty(), "it lives");
         // What a killed process leaves: the file without its lock.
         let path = folder.path().join("c-0a.begun");
         let left = fs::read(&path).unwrap();
         fs::write(folder.path().join("c-0b.begun"), left).unwrap();
-        assert!(next.dead("another").is_empty());
-        let [dead] = &next.dead("digest")[..] else {
-            panic!("one worker has died");
+        assert!(next.crashed("another").is_empty());
+        let [crashed] = &next.crashed("digest")[..] else {
+            panic!("one worker has crashed");
         };
-        assert_eq!(dead.worker_id, "0a");
+        assert_eq!(crashed.worker_id, "0a");
         let units = |held: &HeldLease| Unit::try_from(&held.units[0]).unwrap();
-        assert!(dead.begun.iter().map(units).eq([unit(3), unit(2)]));
-        assert_eq!(LeaseId::from(dead.begun[0].id.unwrap()), LEASE);
-        next.forget_dead();
-        assert!(next.dead("digest").is_empty());
+        assert!(crashed.begun.iter().map(units).eq([unit(3), unit(2)]));
+        assert_eq!(LeaseId::from(crashed.begun[0].id.unwrap()), LEASE);
+        next.forget_crashed();
+        assert!(next.crashed("digest").is_empty());
         assert!(path.exists());
         first.remove();
         assert!(!path.exists());
@@ -305,8 +306,8 @@ mod tests {
             fs::write(folder.path().join(name), text).unwrap();
         }
         let journal = Journal::new(Some((folder.path().to_owned(), "c-".to_owned())), 1);
-        assert!(journal.dead("digest").is_empty());
-        journal.forget_dead();
+        assert!(journal.crashed("digest").is_empty());
+        journal.forget_crashed();
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
         let without = Journal::new(None, 1);
         without.open("0a", "digest");

@@ -53,7 +53,7 @@ impl SharedState {
                     Vec::new()
                 },
                 died: known.as_ref().map_or_else(Vec::new, |known| {
-                    self.journal.dead(&known.problem.campaign().digest())
+                    self.journal.crashed(&known.problem.campaign().digest())
                 }),
             };
             let mut client = self.connection.client();
@@ -85,7 +85,7 @@ impl SharedState {
                         // The questions to a program may have taken longer than the time limit.
                         since = Instant::now();
                         if done {
-                            self.journal.forget_dead();
+                            self.journal.forget_crashed();
                             self.held.cancel(&ids(&response.cancelled));
                         } else {
                             // Leases, if there are any, belong to another campaign, and so do their

@@ -1,4 +1,4 @@
-//! A design whose simulation kills the process that computes it: few processes die of it, and no other design is
+//! A design whose simulation kills the process that computes it: it crashes few processes, and no other design is
 //! suspected in the end.
 
 use std::os::unix::process::ExitStatusExt as _;
@@ -44,8 +44,8 @@ const PROGRAM: &str = "import json, os, random, sys, time\n\
                 a = {'y': y + 0.1 * random.Random(seed).gauss(0, 1)}\n    \
         print(json.dumps({**a, 'id': r['id']}), flush=True)\n";
 
-/// The most processes that may die of one design.
-const DEATHS: usize = 5;
+/// Maximum number of processes that one design may crash.
+const CRASHES: usize = 5;
 /// The exit code of a campaign with quarantined designs.
 const QUARANTINED: i32 = 13;
 
@@ -82,17 +82,17 @@ fn a_run_with_a_deadly_design_ends() {
             "--exec",
             &exec,
         ];
-        let mut deaths = 0;
+        let mut crashes = 0;
         let ended = loop {
             let ended = sandbox.coordinator(&run);
             if !was_killed(ended.status) {
                 break ended;
             }
-            deaths += 1;
-            assert!(deaths <= DEATHS, "{workers} workers: {deaths} deaths");
+            crashes += 1;
+            assert!(crashes <= CRASHES, "{workers} workers: {crashes} crashes");
         };
         acceptance::assert_code(&ended, QUARANTINED);
-        assert!(deaths >= 3, "{deaths}");
+        assert!(crashes >= 3, "{crashes}");
         assert_only_the_deadly(&sandbox, &deadly);
         let notes = std::fs::read_dir(sandbox.path("")).unwrap();
         let notes = notes.filter(|entry| {
@@ -103,17 +103,17 @@ fn a_run_with_a_deadly_design_ends() {
     }
 }
 
-/// Serves the campaign to a worker, which is replaced whenever it dies. With `has_notes` all of them have the same
-/// folder for their notes, otherwise each has a new one, as on another machine. Returns the number of deaths.
-fn deaths(sandbox: &Sandbox, slots: &str, deadly: &[u32], has_notes: bool) -> usize {
+/// Serves the campaign to a worker, which is replaced whenever it crashes. With `has_notes` all of them have the same
+/// folder for their notes, otherwise each has a new one, as on another machine. Returns the number of crashes.
+fn crashes(sandbox: &Sandbox, slots: &str, deadly: &[u32], has_notes: bool) -> usize {
     let place = Place::new(sandbox, CAMPAIGN);
     let exec = exec(sandbox, deadly);
     let coordinator = place.serve_for("30");
-    let mut deaths = 0;
+    let mut crashes = 0;
     loop {
         let folder = match has_notes {
             true => "notes".to_owned(),
-            false => format!("notes-{deaths}"),
+            false => format!("notes-{crashes}"),
         };
         let worker: RunningProgram = place.worker(&[
             "--slots",
@@ -128,27 +128,27 @@ fn deaths(sandbox: &Sandbox, slots: &str, deadly: &[u32], has_notes: bool) -> us
             assert_eq!(ended.code(), Some(0), "{said}");
             break;
         }
-        deaths += 1;
-        assert!(deaths <= DEATHS * deadly.len(), "{deaths} deaths");
+        crashes += 1;
+        assert!(crashes <= CRASHES * deadly.len(), "{crashes} crashes");
     }
     let (ended, said) = coordinator.finish();
     assert_eq!(ended.code(), Some(QUARANTINED), "{said}");
     assert_only_the_deadly(sandbox, deadly);
-    deaths
+    crashes
 }
 
 #[test]
 fn a_deadly_design_kills_few_workers() {
     for slots in ["1", "8"] {
         for has_notes in [true, false] {
-            deaths(&Sandbox::new(), slots, &[20], has_notes);
+            crashes(&Sandbox::new(), slots, &[20], has_notes);
         }
     }
 }
 
 #[test]
-fn deadly_designs_take_no_other_along() {
+fn deadly_designs_quarantine_no_other() {
     for slots in ["1", "16"] {
-        deaths(&Sandbox::new(), slots, &[12, 20, 27], false);
+        crashes(&Sandbox::new(), slots, &[12, 20, 27], false);
     }
 }
