@@ -299,13 +299,15 @@ impl Score {
 pub fn markdown(scores: &[Score]) -> String {
     let mut text = String::from(
         "## Readings of the paper\n\n\
-         What the paper leaves open is read in several ways: the law of wear, the tooth model, and \
-         what happens to tips without clearance. The score is the root mean square of \
-         ln(ours/paper) over the 39 printed values that are a ΔSTE: 24 of printed designs with wear, \
-         the 4 SDs of Table 1, 2 of designs without wear, and the 9 statistics of Table 3. Depth (µm \
-         per flank) or coefficient (10⁻⁷/MPa) is fitted to the printed designs with wear. The last \
-         columns are Spearman's rank correlation of the 13 printed P90, and the share of the designs \
-         of experiments that cannot be simulated (27.5 % in print).\n\n\
+         The paper does not state its law of wear, its tooth model, or its treatment of tips without \
+         clearance. A reading is one choice of the three, and has a row in the table. Its score, in the \
+         column “all”, is the root mean square of ln(ours/paper) over the 39 printed values of ΔSTE; 0 would \
+         be perfect agreement. The next four columns are the same over a part of the values: 24 of printed \
+         designs with wear, the 4 SDs of Table 1, 2 of designs without wear, and the 9 statistics of Table 3. \
+         The column “fitted” is the depth of wear (µm per flank) of Archard's law, or the coefficient \
+         (10⁻⁷/MPa) of the signed law, that fits the printed designs with wear best. The last columns are \
+         Spearman's rank correlation of the 13 printed P90, and the share of the designs of experiments that \
+         cannot be simulated (27.5 % in the paper).\n\n\
          | law | tooth model | tips | fitted | all | worn | Table 1, SDs | unworn | Table 3 | rank | \
          refused |\n|---|---|---|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
@@ -336,8 +338,9 @@ pub fn markdown(scores: &[Score]) -> String {
     };
     let _ = writeln!(
         text,
-        "\nWhat readings with a better score than the first one bring within 20 % of print, and what \
-         they move out of it:\n"
+        "\nThe readings with a better score than the first row are compared with that row. A reading fixes \
+         the values that only it brings within 20 % of the printed value. It breaks the values that only the \
+         first row brings within 20 %:\n"
     );
     let near = |value: &Value| (value.ours / value.paper - 1.0).abs() <= 0.2;
     for score in others.iter().filter(|score| score.rms() < first.rms()) {
@@ -354,7 +357,7 @@ pub fn markdown(scores: &[Score]) -> String {
         let within = score.values.iter().filter(|value| near(value)).count();
         let _ = writeln!(
             text,
-            "- **{}, {}, {}** ({within} of {} within): fixes {}. Breaks {}.",
+            "- **{}, {}, {}** ({within} of {} within 20 %): fixes {}. Breaks {}.",
             law(&score.reading),
             score.reading.tooth_model,
             score.reading.tip_rule,

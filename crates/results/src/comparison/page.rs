@@ -17,8 +17,9 @@ pub(super) fn markdown(report: &Report, scores: &[Score], own: &Score) -> String
     let _ = writeln!(
         page,
         "Written by `coordinator compare` from the campaign “{}”: {} designs of {} samples, seed \
-         {}, program version {}. Samples digest `{}`. Tables 1 and 5 rest on {} verification samples and \
-         equation (8), as the paper's do, other percentiles on order statistics of 4000 and more.\n",
+         {}, program version {}. Samples digest `{}`. As in the paper, the percentiles of Tables 1 and 5 \
+         follow from {} verification samples by equation (8). Other percentiles are order statistics of at \
+         least 4000 samples.\n",
         snapshot.campaign.name,
         campaign.doe.designs,
         campaign.sampling.samples_per_design,
