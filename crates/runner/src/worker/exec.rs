@@ -1,8 +1,8 @@
 //! External simulators: programs that answer each line of JSON with a line, or read and write
 //! files.
 //!
-//! A slot keeps a process over many requests. A process that crashes, sends a malformed answer or takes too long fails the
-//! current job, and the next job gets a new process. Output that is not an answer is skipped.
+//! A slot keeps a process over many requests. A process that crashes, sends a malformed answer or takes too long fails
+//! the current job, and the next job gets a new process. Output that is not an answer is skipped.
 //! `campaigns/external/README.md` describes the protocol for authors of such programs.
 
 mod answers;
@@ -15,6 +15,7 @@ mod object;
 mod output;
 mod process;
 mod program;
+mod repeated;
 mod requests;
 mod results;
 mod slot;
@@ -46,6 +47,7 @@ use fault::{Fault, PAUSES, patiently};
 use files::FailedRuns;
 use numbers::Numbers;
 use program::Program;
+use repeated::Repeated;
 use slot::Slots;
 pub use trial::{Trial, trial};
 
@@ -267,6 +269,7 @@ impl Backend {
                     }
                 })?;
                 let since = Instant::now();
+                let mut failures = Repeated::default();
                 let answers = loop {
                     match probe::answers_of(&session, simulator.probe_designs()) {
                         Ok(answers) => break answers,
@@ -274,11 +277,20 @@ impl Backend {
                         Err(ProbeError::Fails(reason))
                             if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
                         {
-                            let reason = outside::line(&reason);
-                            warn!(
-                                reason,
-                                "the simulator fails on every question; asking again"
-                            );
+                            match failures.count(&reason) {
+                                1 => {
+                                    let reason = outside::line(&reason);
+                                    warn!(
+                                        reason,
+                                        "the simulator fails on every question; asking again"
+                                    );
+                                }
+                                attempts if attempts.is_power_of_two() => warn!(
+                                    attempts,
+                                    "the simulator still fails for the same reason; asking again"
+                                ),
+                                _ => {}
+                            }
                             std::thread::sleep(PROBE_PAUSE);
                         }
                         Err(ProbeError::Fails(reason) | ProbeError::Contradicts(reason)) => {
