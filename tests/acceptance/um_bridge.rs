@@ -293,7 +293,7 @@ fn a_campaign_ends_with_its_budget_and_continues_with_a_larger_one() {
     assert_code(&checked, 0);
     let said = printed(&checked);
     assert!(
-        said.contains("budget.calls is 100, and the plan has up to 4130 calls"),
+        said.contains("budget.calls is 100, and the plan has up to 5930 calls"),
         "{said}"
     );
 }

@@ -411,6 +411,14 @@ mod tests {
     }
 
     #[test]
+    fn the_examples_that_init_writes_have_no_warnings() {
+        for text in [Campaign::PAIR, Campaign::EXTERNAL[0]] {
+            let warnings = Campaign::parse("c.toml", text).unwrap().warnings();
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+    }
+
+    #[test]
     fn a_campaign_is_warned_of_doubtful_units_and_of_frozen_values_outside_its_bounds() {
         for (from, to, part) in [
             (
