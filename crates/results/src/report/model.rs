@@ -33,9 +33,9 @@ pub struct Slice {
 #[derive(Debug, Clone, PartialEq)]
 pub struct VariableIndices {
     pub variable: String,
-    /// First-order index, 0 to 1: the variable's effect alone.
+    /// First-order index: the variable's effect alone. The estimate of a small index may be negative.
     pub first: f64,
-    /// Total index, 0 to 1: the variable's effect including its interactions.
+    /// Total index: the variable's effect including its interactions. The estimate of a small index may be negative.
     pub total: f64,
 }
 

@@ -60,8 +60,10 @@ pub fn write_tables(
     for (one, chart) in indices.iter().zip(["sensitivity", "sensitivity-of-a-pair"]) {
         let found = &one.sensitivity;
         let mut shown = PageTable::new(["input", "±", "first-order index", "total index"]);
-        let index = |i: &SensitivityIndex| {
+        let mut has_negative = false;
+        let mut index = |i: &SensitivityIndex| {
             let [value, low, high] = [i.value, i.low, i.high].map(|share| fixed(share, 3));
+            has_negative |= value.starts_with('−');
             format!("{value} [{low}; {high}]")
         };
         for ((input, first), total) in one.inputs.iter().zip(&found.first).zip(&found.total) {
@@ -85,6 +87,10 @@ pub fn write_tables(
             );
         }
         page += &format!(".\n\n{}", shown.markdown());
+        if has_negative {
+            page += "\nA negative index is the estimate of a small one: no index is below 0, but its Monte Carlo \
+                     estimate scatters, and the interval shows how much.\n";
+        }
         let inputs: Vec<String> = one.inputs.iter().map(|input| symbol(&input.name)).collect();
         let drawn = charts::indices(&one.output, &inputs, &found.first, &found.total)?;
         write_file(out, &format!("{chart}.svg"), drawn.standalone())?;

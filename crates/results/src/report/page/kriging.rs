@@ -57,6 +57,14 @@ impl<'a> KrigingView<'a> {
             .into_iter()
             .chain(&self.slices)
     }
+
+    /// Whether the table of indices shows a negative number.
+    pub(super) fn has_negative_index(&self) -> bool {
+        let shown = self.indices.iter().flat_map(|row| [row.first, row.total]);
+        shown
+            .map(|index| fixed(index, 2))
+            .any(|text| text.starts_with('−'))
+    }
 }
 
 /// The observations that the model was fitted to, in words.

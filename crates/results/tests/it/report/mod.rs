@@ -88,6 +88,18 @@ fn the_recommended_design_has_a_data_sheet_and_every_page_a_block_to_sign() {
 }
 
 #[test]
+fn a_negative_index_is_explained_where_there_is_one() {
+    let sentence = "A negative index is the estimate of a small one";
+    let mut report = plausible();
+    for (first, is_explained) in [(0.31, false), (-0.004, false), (-0.03, true)] {
+        report.indices[0].first = first;
+        let page = render(&report).unwrap().html;
+        check(&page);
+        assert_eq!(page.contains(sentence), is_explained, "{first}");
+    }
+}
+
+#[test]
 fn an_empty_page_says_so_in_words() {
     let page = render(&empty()).unwrap().html;
     check(&page);
