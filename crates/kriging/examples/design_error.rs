@@ -11,10 +11,8 @@
 //! The function `ridge`, a bowl with a sharp ridge, is kriging's mean through the 3000 noise-free
 //! values in the crate's `data`.
 //!
-//! Measured: with 500 points maximin's ratio is 0.94 ± 0.02 on `hart6` and 0.99 ± 0.01 on `ridge`,
-//! but 1.05 ± 0.02 on `cusp`; with 200 points 1.03 ± 0.03 and 1.03 ± 0.01 on `hart6` and `cusp`. A
-//! larger smallest distance helps when the model is right, and does not help when the function has
-//! a kink.
+//! `docs/kriging.md`, section "Designs", has the measured ratios. A larger smallest distance helps when the model is
+//! right, and does not help when the function has a kink.
 //!
 //! ESE: R. Jin, W. Chen, A. Sudjianto, "An efficient algorithm for constructing optimal design of
 //! computer experiments", J. Statist. Plann. Inference 134 (2005) 268–287, with φₚ, p = 50.
