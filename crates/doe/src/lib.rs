@@ -50,5 +50,6 @@ mod table;
 pub use design::{Design, MAX_VARIABLES, random_lhs};
 pub use error::Error;
 pub use maximin::{Options, maximin};
-pub use method::{Method, SOBOL_POINTS, sobol};
+pub use method::{Method, sobol};
 pub use nested::{check_enlarge, enlarge};
+pub use stats::SOBOL_POINTS;

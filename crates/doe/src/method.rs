@@ -6,17 +6,14 @@ use rand::Rng as _;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use stats::streams::{Purpose, stream};
+use stats::{SOBOL_POINTS, SOBOL_SPACING, sobol_coordinate};
 
 use crate::design::check;
 use crate::{Design, Error, Options, check_enlarge, enlarge, maximin, random_lhs};
 
-/// Length of the Sobol sequence: sobol_burley's direction numbers have 16 bits.
-pub const SOBOL_POINTS: usize = 1 << 16;
-/// Half the spacing of the sequence's single-precision points. Adding it keeps them away from 0.
-const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
 /// Largest accepted difference of a coordinate from the sequence's: less than the spacing, and more
 /// than the rounding of a conversion to other units and back.
-const SAME: f64 = 0.5 * HALF_SPACING;
+const SAME: f64 = 0.25 * SOBOL_SPACING;
 
 /// A kind of design.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -125,7 +122,7 @@ pub fn sobol(n: usize, d: usize, seed: u64) -> Result<Design, Error> {
     let scramble = (stream(seed, Purpose::Doe, 0, 1).next_u64() >> 32) as u32;
     let points = (0..n as u32)
         .flat_map(|i| (0..d as u32).map(move |k| (i, k)))
-        .map(|(i, k)| f64::from(sobol_burley::sample(i, k, scramble)) + HALF_SPACING)
+        .map(|(i, k)| sobol_coordinate(i, k, scramble))
         .collect();
     Ok(Design { n, d, points })
 }

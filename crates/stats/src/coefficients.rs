@@ -29,15 +29,10 @@ use rand::Rng as _;
 use statrs::distribution::{ContinuousCDF as _, Normal};
 
 use crate::moments::check_finite;
+use crate::sobol::{SOBOL_DIMENSIONS, SOBOL_POINTS, sobol_coordinate};
 use crate::streams::{Purpose, StreamRng, stream};
 use crate::{Error, Percentile};
 
-/// The most coefficients of a quasi-random sample.
-const SOBOL_DIMENSIONS: usize = sobol_burley::NUM_DIMENSIONS as usize;
-/// The most samples of a quasi-random group.
-const SOBOL_POINTS: usize = 1 << 16;
-/// Half the spacing of the sequence's single-precision points. Adding it keeps them away from 0.
-const HALF_SPACING: f64 = 1.0 / (1 << 25) as f64;
 /// The bit of a stream's sample number that marks groups.
 const GROUPS: u64 = 1 << 63;
 
@@ -121,10 +116,7 @@ pub fn normal_coefficients(
             let (which, place) = (sample / group as u64, (sample % group as u64) as u32);
             let scramble = (stream(seed, purpose, design, GROUPS | which).next_u64() >> 32) as u32;
             Ok((0..count as u32)
-                .map(|k| {
-                    let u = f64::from(sobol_burley::sample(place, k, scramble)) + HALF_SPACING;
-                    normal.inverse_cdf(u)
-                })
+                .map(|k| normal.inverse_cdf(sobol_coordinate(place, k, scramble)))
                 .collect())
         }
     }

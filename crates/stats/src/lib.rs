@@ -68,6 +68,7 @@ pub mod reference;
 mod samples;
 mod sensitivity;
 mod sequential;
+mod sobol;
 pub mod streams;
 
 pub use bootstrap::exact_bootstrap_variance;
@@ -104,3 +105,4 @@ pub use sensitivity::{
     SENSITIVITY_INPUTS, SENSITIVITY_ROWS, Sensitivity, SensitivityIndex, SensitivityPlan,
 };
 pub use sequential::{SequentialRule, samples_needed};
+pub use sobol::{SOBOL_DIMENSIONS, SOBOL_POINTS, SOBOL_SPACING, sobol_coordinate};

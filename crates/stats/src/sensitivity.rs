@@ -14,11 +14,12 @@
 use rand::{Rng, RngExt as _};
 
 use crate::Error;
+use crate::sobol::{SOBOL_DIMENSIONS, SOBOL_POINTS};
 
-/// The most inputs of an analysis: the sequence has 256 dimensions, and each input takes two.
-pub const SENSITIVITY_INPUTS: usize = 128;
+/// The most inputs of an analysis, each of which takes two dimensions of the sequence.
+pub const SENSITIVITY_INPUTS: usize = SOBOL_DIMENSIONS / 2;
 /// The most rows of an analysis, the length of the sequence.
-pub const SENSITIVITY_ROWS: usize = 65_536;
+pub const SENSITIVITY_ROWS: usize = SOBOL_POINTS;
 
 /// Relative standard deviation below which an output varies by rounding only.
 const ROUNDING: f64 = 1e-12;
