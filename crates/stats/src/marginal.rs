@@ -105,18 +105,20 @@ enum Distribution<'a> {
 
 impl<'a> Marginal<'a> {
     /// The distribution with these parameters, in the order of [`Family::parameters`], or with these sorted `values`;
-    /// `None` for invalid parameters. A standard deviation may be zero.
+    /// `None` unless all are finite and as [`Family::needs`] says. A standard deviation of zero gives a constant.
     #[must_use]
     pub fn new(family: Family, parameters: &[f64], values: &'a [f64]) -> Option<Self> {
         if !parameters.iter().all(|parameter| parameter.is_finite()) {
             return None;
         }
         let distribution = match (family, parameters) {
-            (Family::Normal | Family::Lognormal | Family::Gumbel, &[mean, 0.0]) => {
+            (Family::Normal | Family::Lognormal | Family::Gumbel, &[mean, 0.0])
+                if family != Family::Lognormal || mean > 0.0 =>
+            {
                 Distribution::Normal { mean, sd: 0.0 }
             }
             (Family::Normal, &[mean, sd]) if sd > 0.0 => Distribution::Normal { mean, sd },
-            (Family::Lognormal, &[mean, sd]) if mean > 0.0 => {
+            (Family::Lognormal, &[mean, sd]) if mean > 0.0 && sd > 0.0 => {
                 let variance = (sd / mean).powi(2).ln_1p();
                 let location = mean.ln() - 0.5 * variance;
                 Distribution::Lognormal(LogNormal::new(location, variance.sqrt()).ok()?)
@@ -144,7 +146,13 @@ impl<'a> Marginal<'a> {
                 let ends = [low, high];
                 Distribution::Truncated { mean, sd, ends }
             }
-            (Family::Table, _) if !values.is_empty() => Distribution::Table(values),
+            (Family::Table, _) => match values {
+                // Numbers that are not finite are at the ends of sorted values.
+                [first, .., last] if first.is_finite() && last.is_finite() => {
+                    Distribution::Table(values)
+                }
+                _ => return None,
+            },
             _ => return None,
         };
         Some(Self(distribution))

@@ -161,7 +161,8 @@ impl RandomSection {
         let Some(numbers) = keys.iter().map(number).collect::<Option<Vec<f64>>>() else {
             return Ok(());
         };
-        let makes_one = Marginal::new(self.distribution, &numbers, &[0.0]).is_some();
+        // `validate` checks the values of a table by themselves.
+        let makes_one = Marginal::new(self.distribution, &numbers, &[0.0, 1.0]).is_some();
         source.require(
             makes_one,
             &format!("{section}.{}", keys.last().unwrap_or(&"values")),

@@ -118,8 +118,8 @@ impl Input {
             let named: Vec<String> = named
                 .map(|(key, value)| format!("{key} = {value}"))
                 .collect();
-            let (name, given) = (&self.name, named.join(", "));
-            format!("{NO_DISTRIBUTION}: {name} has no distribution with {given}")
+            let (name, given, needed) = (&self.name, named.join(", "), self.family.needs());
+            format!("{NO_DISTRIBUTION}: {name} has no distribution with {given}: it needs {needed}")
         })
     }
 }

@@ -222,7 +222,7 @@ fn random_inputs_follow_their_formulas_and_correlations() {
     let why = inputs.values(&flat, &[0.0; 2]).unwrap_err();
     assert_eq!(
         why,
-        "random-input: load has no distribution with low = 1, high = 1"
+        "random-input: load has no distribution with low = 1, high = 1: it needs low < high"
     );
     // Quasi-random samples need known inputs.
     let even = "[sampling]\nestimator = \"normal\"\ncoefficients = \"antithetic\"\n";
@@ -254,6 +254,10 @@ fn random_inputs_without_a_distribution_are_refused_by_line_and_key() {
             "random[1].mean",
         ),
         (
+            "name = \"offset\"\ndistribution = \"table\"\nvalues = [1.0]\n\n[[random]]\nname = \"other\"\ndistribution = \"normal\"",
+            "random[1].values is [1.0], but must be two or more finite numbers",
+        ),
+        (
             "name = \"offset\"\ndistribution = \"truncated-normal\"",
             "random[1].low is missing",
         ),
@@ -268,11 +272,16 @@ fn random_inputs_without_a_distribution_are_refused_by_line_and_key() {
         ),
         ("sd = \"0.1 * \" ", "a formula of the variables x1, x2, x3"),
         ("sd = -1.0 ", "sd ≥ 0"),
+        ("sd = -1.0 ", "random[1].sd is -1.0"),
         ("sd = inf ", "a finite number"),
     ] {
         let error = refused(&[("sd = 0.5 ", to)]);
         assert!(error.contains(says), "{error}");
     }
+    let lognormal = (OFFSET, "name = \"offset\"\ndistribution = \"lognormal\"");
+    let error = refused(&[lognormal, ("sd = 0.5 ", "sd = 0.0 ")]);
+    let says = "random[1].sd is 0.0, but must be one that makes a distribution with the other keys: mean > 0, sd ≥ 0";
+    assert!(error.contains(says), "{error}");
     let pair = |lines: &str| format!("[[correlations]]\n{lines}\n\n[[responses]]");
     for (lines, says) in [
         (

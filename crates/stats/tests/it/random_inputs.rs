@@ -78,6 +78,9 @@ fn parameters_without_a_distribution_have_none() {
         (Family::Normal, &[1.0, -1.0][..]),
         (Family::Normal, &[f64::NAN, 1.0]),
         (Family::Lognormal, &[-1.0, 1.0]),
+        (Family::Lognormal, &[1.0, -1.0]),
+        (Family::Lognormal, &[0.0, 0.0]),
+        (Family::Lognormal, &[-1.0, 0.0]),
         (Family::Uniform, &[2.0, 1.0]),
         (Family::Triangular, &[1.0, 5.0, 4.0]),
         (Family::Weibull, &[0.0, 1.0]),
@@ -91,9 +94,17 @@ fn parameters_without_a_distribution_have_none() {
             "{family:?}"
         );
     }
+    for values in [&[1.0][..], &[f64::NEG_INFINITY, 1.0], &[1.0, f64::NAN]] {
+        assert!(
+            Marginal::new(Family::Table, &[], values).is_none(),
+            "{values:?}"
+        );
+    }
     // A standard deviation of zero, as of a tolerance of zero.
-    let exact = Marginal::new(Family::Normal, &[3.0, 0.0], &[]).unwrap();
-    assert_eq!(exact.quantile(2.0), 3.0);
+    for family in [Family::Normal, Family::Lognormal, Family::Gumbel] {
+        let exact = Marginal::new(family, &[3.0, 0.0], &[]).unwrap();
+        assert_eq!((exact.quantile(2.0), exact.mean()), (3.0, 3.0));
+    }
 }
 
 #[test]

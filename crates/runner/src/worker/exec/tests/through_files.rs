@@ -95,7 +95,8 @@ fn random_inputs_that_the_campaign_states_are_filled_in() {
     let text = ISHIGAMI.replace("sd = 0.5 ", "sd = \"x1 - 3\" ");
     let (problem, backend, _folder) = of_campaign(&text, "{x1} {x2} {x3} {offset}\n", command);
     let error = sum(&problem, &backend).unwrap_err();
-    let expected = "refused random-input: offset has no distribution with mean = 0, sd = -2";
+    let expected =
+        "refused random-input: offset has no distribution with mean = 0, sd = -2: it needs sd ≥ 0";
     assert_eq!(error, expected);
 }
 
