@@ -58,7 +58,7 @@ fn a_coordinator_that_dies_in_the_middle_of_a_round_goes_on_with_it() {
             done(&held) >= done(&status),
             "acknowledged samples are gone"
         );
-        assert_eq!(held["enrichment"]["ended"], false, "it died too late");
+        assert_eq!(held["enrichment"]["ended"], false, "it crashed too late");
     }
     let coordinator = sandbox.start("coordinator", &serve);
     let [first, second] = workers;

@@ -345,7 +345,7 @@ fn the_page_works_in_a_browser() {
     it_has_names_and_takes_the_keyboard(&mut browser);
     assert_eq!(browser.complaints, [""; 0]);
 
-    // When the coordinator dies, the page says so and then follows the next coordinator.
+    // When the coordinator crashes, the page says so and then follows the next coordinator.
     let last = browser.value(SAMPLES).as_f64().unwrap();
     coordinator.kill();
     browser.wait_for("document.querySelector('#connection.lost') !== null");

@@ -25,7 +25,7 @@ pub struct LocalWorkers {
 
 impl LocalWorkers {
     /// Starts a worker with `count` slots, which connects by `dial`; none if `count` is 0. A single worker suffices,
-    /// because the process dies as a whole. For `journal` see [`Options::journal`].
+    /// because the process ends as a whole. For `journal` see [`Options::journal`].
     #[must_use]
     pub fn start(
         &self,
