@@ -1,12 +1,94 @@
 //! Campaigns with an external simulator: the Python example, and its workers. Python 3 must be on the path.
 
-use acceptance::{Sandbox, assert_all_succeed, assert_code, errors, free_address, printed};
+use acceptance::{Sandbox, assert_all_succeed, assert_code, errors, free_address, printed, python};
 use serde_json::Value;
 
 use crate::example::{
     before_samples, campaign, changed_program, finished, path, processes, program, twenty_designs,
 };
 use crate::place::{DB, Place};
+
+/// A design whose samples take several leases is evaluated once, and once more at most by each of the slots that would be
+/// idle otherwise.
+#[test]
+fn a_slow_design_is_evaluated_once() {
+    let sandbox = Sandbox::new();
+    let file = path(&sandbox.write("slow.toml", SLOW));
+    let log = path(&sandbox.path("requests"));
+    let exec = python(&sandbox.write("slow.py", SLOW_PROGRAM));
+    let exec = format!("LOG={log:?} {exec}");
+    let run = ["run", &file, "--db", DB, "--workers", "2", "--exec", &exec];
+    assert_code(&sandbox.coordinator(&run), 0);
+    let requests = std::fs::read_to_string(log).unwrap();
+    let count = |kind: &str| requests.lines().filter(|line| *line == kind).count();
+    let samples = count("sample");
+    assert!((36..=38).contains(&samples), "{samples} samples");
+    let evaluations = count("evaluate");
+    assert!((6..=8).contains(&evaluations), "{evaluations} evaluations");
+}
+
+/// Six designs of six samples each, and nothing else.
+const SLOW: &str = r#"
+kind = "external"
+format = 1
+name = "slow"
+seed = 1
+approaches = ["best-of-doe"]
+
+[[variables]]
+name = "x"
+low = 0.0
+high = 1.0
+
+[[constraints]]
+name = "load"
+max = 2.0
+
+[[responses]]
+name = "depth"
+unit = "mm"
+
+[doe]
+designs = 6
+
+[sampling]
+samples_per_design = 6
+
+[simulator]
+probe_designs = 0
+
+[optimise]
+population = 6
+parents = 3
+step = 0.3
+evaluations = 6
+restarts = "ipop"
+starts = 1
+
+[verify]
+samples = 2
+"#;
+
+/// A program whose leases are of one or two samples, and which writes down what it is asked for.
+const SLOW_PROGRAM: &str = r#"
+import json, os, random, sys, time
+
+for line in sys.stdin:
+    request = json.loads(line)
+    kind = request["request"]
+    if kind == "describe":
+        answer = {"protocol": 2, "version": "slow 1"}
+    else:
+        time.sleep(0.25)
+        with open(os.environ["LOG"], "a") as log:
+            log.write(kind + "\n")
+        x = request["design"]["x"]
+        if kind == "evaluate":
+            answer = {"load": x}
+        else:
+            answer = {"depth": x + random.Random(str(request["seed"])).random()}
+    print(json.dumps({**answer, "id": request["id"]}), flush=True)
+"#;
 
 #[test]
 fn the_example_runs_from_the_doe_to_the_report() {

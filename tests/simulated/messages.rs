@@ -148,7 +148,10 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
     );
     let evaluated = evaluated.prop_map(
         |(values, refused, value, criteria, worn_criteria, samples)| Evaluated {
-            design: (!values.is_empty()).then_some(Design { values }),
+            design: (!values.is_empty()).then_some(Design {
+                values,
+                responses: Vec::new(),
+            }),
             refused,
             value,
             criteria,

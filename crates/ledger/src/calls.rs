@@ -47,6 +47,9 @@ impl<P: Clone> Ledger<P> {
         }
         self.settled.remove(&id);
         if let Some(stream) = self.streams.get_mut(&id) {
+            if wanted.is_analysed {
+                (stream.source, stream.is_analysed) = (wanted.source, true);
+            }
             stream.missing.extend(missing.iter().cloned());
             stream.free.extend(missing);
             stream.end = end;
@@ -61,6 +64,7 @@ impl<P: Clone> Ledger<P> {
                 crashes: history.crashes,
                 earlier_failures: history.failures,
                 is_tolerant: wanted.is_tolerant,
+                is_analysed: wanted.is_analysed,
                 failing: BTreeMap::new(),
                 quarantined: None,
             };
@@ -69,6 +73,14 @@ impl<P: Clone> Ledger<P> {
         }
         self.file(id);
         true
+    }
+
+    /// Records that the analyses of a design are known. The leases to come get `source`, which has their results.
+    pub fn analysed(&mut self, id: StreamId, generation: Generation, source: P) {
+        let stream = self.streams.get_mut(&id);
+        if let Some(stream) = stream.filter(|stream| stream.generation == generation) {
+            (stream.source, stream.is_analysed) = (source, true);
+        }
     }
 
     /// Forgets streams, for example when the points they sample were chosen again. Their results are

@@ -98,26 +98,44 @@ impl<P: Clone> Ledger<P> {
     }
 
     /// The stream that a worker gets next. Streams that it has failed come after others. Isolated streams come last,
-    /// since the worker must first have delivered everything else. Streams that only another machine may compute, and
-    /// those in doubt, are left out.
+    /// since the worker must first have delivered everything else. A design that another lease analyses comes after designs
+    /// that are analysed or on no lease. Streams that only another machine may compute, and those in doubt, are left out.
     fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
         let state = self.workers.known.get(worker)?;
         let is_for_others = |id: &StreamId| {
             self.has_failed_enough(*id, &state.host) && self.other_machines(worker, now)
                 || self.is_in_doubt(*id)
         };
-        let rank = |id: StreamId| (self.is_isolated(id), state.strikes.contains(&id));
+        let rank = |id: StreamId| {
+            let is_repeated = self.options.long_samples && self.is_being_analysed(id);
+            (
+                self.is_isolated(id),
+                state.strikes.contains(&id),
+                is_repeated,
+            )
+        };
+        // Later points first: a round waits for its infill points, and the verification of optima, whose numbers are
+        // lower, fills the time in which the round ends and the next one is decided.
+        let first_point = StreamId::point(0);
+        let points = self.free.range(first_point..).rev();
+        let ordered = self.free.range(..first_point).chain(points);
         let mut best = None;
-        for &id in self.free.iter().filter(|id| !is_for_others(id)) {
+        for &id in ordered.filter(|id| !is_for_others(id)) {
             let rank = rank(id);
             if best.is_none_or(|(least, _)| rank < least) {
                 best = Some((rank, id));
             }
-            if rank == (false, false) {
+            if rank == (false, false, false) {
                 break;
             }
         }
         best.map(|(_, id)| id)
+    }
+
+    /// Whether a lease computes the analyses of a design, which another lease would compute again.
+    fn is_being_analysed(&self, id: StreamId) -> bool {
+        let stream = self.streams.get(&id);
+        stream.is_some_and(|stream| !stream.is_analysed && !stream.leases.is_empty())
     }
 
     /// Maximum weight of a lease that begins with this stream.

@@ -26,6 +26,8 @@ pub(crate) struct Stream<P> {
     pub(crate) earlier_failures: u32,
     /// See [`StreamDemand::is_tolerant`](crate::StreamDemand::is_tolerant).
     pub(crate) is_tolerant: bool,
+    /// See [`StreamDemand::is_analysed`](crate::StreamDemand::is_analysed).
+    pub(crate) is_analysed: bool,
     /// The missing samples that have failed, and under `None` the failures of the whole stream.
     pub(crate) failing: BTreeMap<Option<u32>, FailedAttempts>,
     /// The reason for the quarantine.

@@ -215,6 +215,8 @@ pub struct StreamDemand<P> {
     /// Whether a failure that repeats while others succeed becomes a result of the stream, reported as
     /// [`Failure::Conclusive`], instead of quarantining it.
     pub is_tolerant: bool,
+    /// Whether no lease begins with the analyses of a design: they are known, or there are none.
+    pub is_analysed: bool,
 }
 
 /// A lease as granted to a worker.

@@ -27,6 +27,13 @@ pub use stream_name::{infill_mark, stream_name};
 pub enum Source {
     /// A design of the DoE whose criteria and samples are wanted.
     Design(Design),
+    /// A design of the DoE whose criteria are known, and whose samples are wanted.
+    Analysed {
+        /// The design.
+        design: Design,
+        /// Its responses without random effects, as in [`Output::Design`].
+        responses: Vec<f64>,
+    },
     /// A point whose samples are wanted.
     Point(Design),
     /// A run of an optimiser on the built-in simulator.
@@ -63,6 +70,9 @@ impl Source {
     pub fn bytes(&self) -> usize {
         match self {
             Self::Design(design) | Self::Point(design) => size_of_val(design.values()),
+            Self::Analysed { design, responses } => {
+                size_of_val(design.values()) + size_of_val(&**responses)
+            }
             Self::Run(run) => run.models.iter().map(|model| model.len()).sum(),
             Self::Candidates(candidates) => {
                 let bytes = |one: &Candidate| size_of_val(one.design.values());

@@ -6,7 +6,7 @@ use ledger::StreamId;
 use problem::formulation::{Approach, Design, Problem};
 use problem::task::{Inputs, Source};
 use stats::Samples;
-use store::{InfillRow, ModelRow, SampleTally, Store};
+use store::{InfillRow, MissingWork, ModelRow, SampleTally, Store};
 
 use crate::constraints;
 use crate::fitting::ModelSummary;
@@ -32,6 +32,13 @@ pub async fn load(
     let campaign = problem.campaign();
     let wanted = u64::from(campaign.sampling.samples_per_design);
     let missing = store.missing_work(wanted, more).await?;
+    // The built-in simulator analyses a design faster than its responses are read.
+    let is_known = |work: &MissingWork| !work.criteria && campaign.is_external();
+    let mut known: BTreeMap<u64, Vec<f64>> = BTreeMap::new();
+    if missing.iter().any(is_known) {
+        let rows = store.criteria().await?.into_iter();
+        known.extend(rows.filter_map(|row| Some((row.design, row.responses?))));
+    }
     let open = missing.iter().map(|work| OpenDesign {
         // A DoE has at most 100 000 designs, and the samples of each are counted in 32 bits.
         design: work.design.design as u32,
@@ -44,6 +51,7 @@ pub async fn load(
             .iter()
             .map(|range| range.start as u32..range.end as u32)
             .collect(),
+        responses: known.remove(&work.design.design),
     });
     let models = store.models_named(ModelRow::DOE).await?;
     // A summary that cannot be read has no such design, and the search begins at random.

@@ -42,6 +42,8 @@ pub struct OpenDesign {
     pub samples: u32,
     /// The missing ones of them, disjoint and ascending.
     pub missing: Vec<Range<u32>>,
+    /// Its responses without random effects, if an external program has given them.
+    pub responses: Option<Vec<f64>>,
 }
 
 /// The content of the store, as far as decisions need it.

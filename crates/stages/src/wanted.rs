@@ -31,11 +31,19 @@ pub fn requests(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDes
     }
     if let Some(base) = &next.sampling {
         for design in open {
-            let source = Source::Design(problem.design(&design.x, base));
+            let at = problem.design(&design.x, base);
+            let source = match &design.responses {
+                Some(responses) => Source::Analysed {
+                    design: at,
+                    responses: responses.clone(),
+                },
+                None => Source::Design(at),
+            };
             // Missing criteria are computed together with samples, so an open design always has samples to request.
             let stream = StreamId::design(design.design);
             let mut wanted = inputs.wanted(stream, source, design.samples);
             wanted.missing.clone_from(&design.missing);
+            wanted.is_analysed |= problem.responses().is_empty();
             requests.streams.push(wanted);
         }
     }

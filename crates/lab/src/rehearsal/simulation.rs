@@ -361,6 +361,7 @@ impl<'a> Simulation<'a> {
                         missing: std::iter::once(0..samples).collect(),
                         history: History::default(),
                         is_tolerant: false,
+                        is_analysed: true,
                     });
                 }
             });

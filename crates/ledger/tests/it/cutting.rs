@@ -1,6 +1,6 @@
 //! The size of a lease.
 
-use ledger::{Delivery, Kind, Ledger, Options, StreamId};
+use ledger::{Delivery, Generation, Kind, Ledger, Options, StreamDemand, StreamId};
 
 use crate::{all_of, at, lease_all, ledger, units, wanted, worker};
 
@@ -112,4 +112,54 @@ fn candidates_of_a_run_are_not_held_ahead_however_short_they_are() {
             ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(0.0));
         }
     }
+}
+
+/// Leases of long samples are short, and each would analyse its design anew.
+#[test]
+fn a_design_is_analysed_once_as_long_as_there_is_other_work() {
+    let options = Options {
+        long_samples: true,
+        ..Options::default()
+    };
+    let names = ["a", "b", "c"];
+    let mut ledger = ledger(options, 0, 0, &names);
+    for design in 0..2 {
+        ledger.want(StreamDemand {
+            is_analysed: false,
+            ..wanted(StreamId::design(design), 7, 0..10)
+        });
+    }
+    let stream = |ledger: &mut Ledger<()>, name: &str| {
+        let grant = ledger.lease(&worker(name), at(0.0)).unwrap();
+        (units(&grant)[0].stream, grant)
+    };
+    let (first, grant) = stream(&mut ledger, "a");
+    let (second, _) = stream(&mut ledger, "b");
+    assert_eq!([first, second], [StreamId::design(0), StreamId::design(1)]);
+    // A worker that would be idle otherwise analyses a design again.
+    let (third, again) = stream(&mut ledger, "c");
+    assert_eq!(third, StreamId::design(0));
+    ledger.release(&worker("c"), &[again.lease], at(0.0));
+    ledger.analysed(first, Generation(7), ());
+    ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(0.0));
+    for name in ["a", "c"] {
+        assert_eq!(stream(&mut ledger, name).0, first);
+    }
+}
+
+/// A round waits for its infill points. The verification of optima, whose numbers are lower, can wait.
+#[test]
+fn later_points_are_leased_first() {
+    let mut ledger = ledger(Options::default(), 0, 0, &["a"]);
+    for number in [2, 1 << 27, (1 << 27) + 5] {
+        ledger.want(wanted(StreamId::point(number), 7, 0..10));
+    }
+    ledger.want(wanted(StreamId::design(3), 7, 0..10));
+    let leased: Vec<StreamId> = lease_all(&mut ledger, "a", at(0.0))
+        .iter()
+        .map(|grant| units(grant)[0].stream)
+        .collect();
+    let points = [(1 << 27) + 5, 1 << 27, 2].map(StreamId::point);
+    assert_eq!(leased[0], StreamId::design(3));
+    assert_eq!(leased[1..], points);
 }

@@ -32,6 +32,7 @@ pub(crate) fn wanted(stream: StreamId, generation: u64, missing: Range<u32>) -> 
         missing: std::iter::once(missing).collect(),
         history: History::default(),
         is_tolerant: false,
+        is_analysed: true,
     }
 }
 

@@ -73,7 +73,11 @@ pub fn compute_until(
     let stream = unit.stream;
     let whole = |why: NoAnswer| Outcome::from(Failure::at(stream_name(stream), None, why));
     match source {
-        Source::Design(wanted) => design(simulator, wanted, unit, keep_going),
+        Source::Design(wanted) => design(simulator, wanted, None, unit, keep_going),
+        Source::Analysed {
+            design: wanted,
+            responses,
+        } => design(simulator, wanted, Some(responses), unit, keep_going),
         Source::Point(wanted) => {
             let prepared = guarded(|| simulator.prepare(wanted));
             let mut design = match prepared {
@@ -193,10 +197,11 @@ fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     })
 }
 
-/// Analyses a design and samples it.
+/// Analyses a design, unless its responses are known, and samples it.
 fn design(
     simulator: &dyn Simulator,
     wanted: &Design,
+    known: Option<&[f64]>,
     unit: &Unit,
     keep_going: &KeepGoing<'_>,
 ) -> Outcome {
@@ -211,8 +216,9 @@ fn design(
     };
     let analysed = guarded(|| {
         let mut prepared = simulator.prepare(wanted)?;
-        let responses = match problem.own_responses(unit.stream.index) {
-            Some(own) => own.to_vec(),
+        let known = known.or_else(|| problem.own_responses(unit.stream.index));
+        let responses = match known {
+            Some(known) => known.to_vec(),
             None => analyse(problem, prepared.as_mut())?,
         };
         Ok(Analyses {

@@ -38,7 +38,8 @@ impl Inputs {
         hash.update(stream.to_string());
         let mut number = |number: f64| hash.update(number.to_bits().to_le_bytes());
         match source {
-            Source::Design(design) | Source::Point(design) => {
+            // The responses follow from the design.
+            Source::Design(design) | Source::Analysed { design, .. } | Source::Point(design) => {
                 design.values().iter().copied().for_each(number);
             }
             Source::Run(run) => {
@@ -76,9 +77,12 @@ impl Inputs {
     ) -> StreamDemand<Arc<Source>> {
         let is_tolerant = match source {
             Source::Candidates(_) => true,
-            Source::Design(_) | Source::Point(_) => self.tolerates_failures,
+            Source::Design(_) | Source::Analysed { .. } | Source::Point(_) => {
+                self.tolerates_failures
+            }
             Source::Run(_) => false,
         };
+        let is_analysed = !matches!(source, Source::Design(_));
         StreamDemand {
             stream,
             generation: self.generation(stream, &source),
@@ -87,6 +91,7 @@ impl Inputs {
             missing: std::iter::once(0..samples).collect(),
             history: History::default(),
             is_tolerant,
+            is_analysed,
         }
     }
 }

@@ -282,6 +282,35 @@ fn analyses_refuse_a_design_and_samples_fail() {
     );
 }
 
+/// Known responses are an answer without an analysis, which would fail here.
+#[test]
+fn known_responses_take_the_place_of_the_analyses() {
+    let fake = Fake {
+        problem: problem(),
+        analysed_um: f64::NAN,
+        sample: || Ok(1.0),
+    };
+    let Ok(Output::Design { responses, .. }) =
+        compute(&fake.problem, &design(0..1), &Source::Design(asked()))
+    else {
+        panic!("the design is simulable");
+    };
+    let source = Source::Analysed {
+        design: asked(),
+        responses: responses.clone(),
+    };
+    let expected = Output::Design {
+        responses,
+        ruled_out: None,
+        samples: Samples::new(1, vec![1.0; 2]).unwrap(),
+    };
+    assert_eq!(compute(&fake, &design(4..6), &source), Ok(expected));
+    // The numbers of a stream do not depend on what is known about it.
+    let inputs = Inputs::new(fake.problem.campaign(), None);
+    let generation = |source: &Source| inputs.generation(StreamId::design(3), source);
+    assert_eq!(generation(&source), generation(&Source::Design(asked())));
+}
+
 #[test]
 fn samples_of_the_campaign_file_take_the_place_of_the_programs_first_ones() {
     let mut campaign = problem().campaign().clone();

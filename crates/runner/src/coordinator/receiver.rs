@@ -96,6 +96,11 @@ impl<R: Recorder> Receiver<'_, R> {
                     counted.push(failed);
                 }
             }
+            if self.problem.campaign().is_external() {
+                for (unit, responses) in std::mem::take(&mut brought.analysed) {
+                    self.board.analysed(unit.stream, unit.generation, responses);
+                }
+            }
             let lease = LeaseId::from(result.id.unwrap_or_default());
             let failures = counted.iter();
             let delivery = Delivery {
@@ -234,15 +239,20 @@ impl<R: Recorder> Receiver<'_, R> {
                     answer: Err(reason),
                 }])
             }
-            Source::Design(_) if unit.samples.is_empty() => Output::Refused(reason),
+            Source::Design(_) | Source::Analysed { .. } if unit.samples.is_empty() => {
+                Output::Refused(reason)
+            }
             // The design's criteria came with the failure, or the stream has no criteria.
-            Source::Design(_) | Source::Point(_) if !unit.samples.is_empty() => {
+            Source::Design(_) | Source::Analysed { .. } | Source::Point(_)
+                if !unit.samples.is_empty() =>
+            {
                 Output::Samples(failed_sample.clone())
             }
             _ => return None,
         };
         let mut batch = Batch::default();
-        if let (Source::Design(_), Output::Samples(_)) = (&*source, &output) {
+        let is_of_design = unit.stream.kind == Kind::Design;
+        if is_of_design && matches!(output, Output::Samples(_)) {
             batch.samples.push(SampleBlock {
                 stream: unit.stream,
                 first_sample: first.into(),
@@ -340,6 +350,8 @@ struct LeaseResults {
     parts: Vec<Part>,
     stored: Vec<Unit>,
     refused: Vec<(StreamId, Generation)>,
+    /// The responses of stored designs without random effects.
+    analysed: Vec<(Unit, Vec<f64>)>,
     failed: Vec<FailedUnit>,
     /// Whether the worker brought any result, even a stale one.
     has_answers: bool,
@@ -379,12 +391,24 @@ impl FailedUnit {
 impl LeaseResults {
     /// Records the outcome of storing a part.
     fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
-        let Part { unit, serial, .. } = part;
+        let Part {
+            unit,
+            is_refused,
+            serial,
+            batch,
+        } = part;
         let job = names::job_name(unit.stream, &unit.samples);
         match outcome {
             Ok(receipt) if receipt.is_stale => debug!(%job, %worker, "a stale result"),
-            Ok(_) if part.is_refused => self.refused.push((unit.stream, unit.generation)),
-            Ok(_) => self.stored.push(unit),
+            Ok(_) if is_refused => self.refused.push((unit.stream, unit.generation)),
+            Ok(_) => {
+                let criteria = batch.criteria.into_iter();
+                let responses = criteria.filter_map(|row| row.responses);
+                let analysed = responses.filter(|responses| !responses.is_empty());
+                self.analysed
+                    .extend(analysed.map(|responses| (unit.clone(), responses)));
+                self.stored.push(unit);
+            }
             Err(refused) => {
                 // The stored numbers stay, and the contradiction is recorded. Settled samples stay
                 // settled; any others are leased to another worker.

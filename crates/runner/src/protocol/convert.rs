@@ -91,6 +91,7 @@ impl TryFrom<&v1::Unit> for Unit {
 fn design_message(design: &Design) -> v1::Design {
     v1::Design {
         values: design.values().to_vec(),
+        responses: Vec::new(),
     }
 }
 
@@ -108,6 +109,10 @@ pub fn lease(grant: &Grant<Arc<Source>>) -> v1::Lease {
             Source::Design(design) | Source::Point(design) => {
                 lease.designs.push(design_message(design));
             }
+            Source::Analysed { design, responses } => lease.designs.push(v1::Design {
+                responses: responses.clone(),
+                ..design_message(design)
+            }),
             Source::Run(run) => {
                 lease.base = Some(design_message(&run.base));
                 lease.from = run.from.as_ref().map(design_message);
@@ -149,12 +154,18 @@ impl v1::Lease {
                 return Ok((unit, Source::Candidates(candidates)));
             }
             let mut design = || match designs.next() {
-                Some(design) => Ok(Design::new(design.values.clone())),
+                Some(design) => Ok((Design::new(design.values.clone()), &design.responses)),
                 None => malformed("lacks the design of a unit"),
             };
             let source = match unit.stream.kind {
-                Kind::Design => Source::Design(design()?),
-                Kind::Point => Source::Point(design()?),
+                Kind::Design => match design()? {
+                    (design, responses) if responses.is_empty() => Source::Design(design),
+                    (design, responses) => Source::Analysed {
+                        design,
+                        responses: responses.clone(),
+                    },
+                },
+                Kind::Point => Source::Point(design()?.0),
                 Kind::Run => {
                     let (approach, start) = unit.stream.run_parts();
                     let Some(approach) = Approach::numbered(approach.into()) else {
@@ -420,9 +431,22 @@ mod tests {
             models: vec!["{}".into(), "[]".into()],
             from: Some(problem.design(&[0.1, 1.2, 1.3, 0.9, 1.0, 0.7], problem.base())),
         };
+        let unit = Unit {
+            stream: StreamId::design(2),
+            generation: Generation(0),
+            samples: 0..1,
+        };
+        let analysed = Source::Analysed {
+            design: good.clone(),
+            responses: match compute(&problem, &unit, &Source::Design(good.clone())) {
+                Ok(Output::Design { responses, .. }) => responses,
+                other => panic!("{other:?}"),
+            },
+        };
         let designs = [
             (StreamId::design(0), Source::Design(good.clone())),
             (StreamId::design(1), Source::Design(bad.clone())),
+            (StreamId::design(2), analysed),
             (StreamId::point(2), Source::Point(good.clone())),
             (run.stream(), Source::Run(run)),
         ];
@@ -467,6 +491,7 @@ mod tests {
                 missing: std::iter::once(0..1).collect(),
                 history: History::default(),
                 is_tolerant: false,
+                is_analysed: true,
             });
         }
         let mut seen = 0;

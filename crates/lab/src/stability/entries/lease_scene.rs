@@ -28,6 +28,7 @@ pub(super) fn wanted(stream: StreamId, generation: u64, samples: u32) -> StreamD
         missing: std::iter::once(0..samples).collect(),
         history: History::default(),
         is_tolerant: false,
+        is_analysed: true,
     }
 }
 

@@ -169,6 +169,19 @@ impl Board {
         Some((generation, Arc::clone(source)))
     }
 
+    /// Gives the responses of a design, which a worker has computed, to the workers that compute more of its samples.
+    pub fn analysed(&self, stream: StreamId, generation: Generation, responses: Vec<f64>) {
+        let mut inner = self.lock();
+        let Some((_, source)) = inner.ledger.source(stream) else {
+            return;
+        };
+        if let Source::Design(design) = &**source {
+            let design = design.clone();
+            let source = Source::Analysed { design, responses };
+            inner.ledger.analysed(stream, generation, Arc::new(source));
+        }
+    }
+
     /// Settles samples in whose place a failure is stored.
     pub fn conclude(&self, unit: &Unit) {
         self.change(|inner, _| inner.ledger.conclude(unit));

@@ -89,6 +89,7 @@ impl World {
             x: vec![0.5; 6],
             samples: 30,
             missing: std::iter::once(0..30).collect(),
+            responses: None,
         };
         self.state.open = missing.map(open).collect();
         self.state.samples = format!("{:?}", self.sampled);
