@@ -73,8 +73,8 @@ impl<P: Clone> Ledger<P> {
             };
             let count = range.len() as u64;
             let room = target.saturating_sub(weight + self.design_weight());
-            // Every lease of a design computes its criteria again, so a design is split only when
-            // it is too large for one lease.
+            // Unless they are known, every lease of a design computes its criteria again, so a design is split only
+            // when it is too large for one lease.
             let take = if units.is_empty() {
                 count.min(room.max(1))
             } else if count <= room && samples + count <= SAMPLES_MAX {
@@ -147,15 +147,19 @@ impl<P: Clone> Ledger<P> {
         };
         // An estimate instead of an exact count, which would visit every stream: all free streams
         // are assumed to be as large as this one.
-        let free = self.streams.get(&first).map(|stream| &stream.free);
-        let of_stream = free.map_or(0, |free| free.iter().map(Range::len).sum::<usize>()) as u64;
+        let stream = self.streams.get(&first);
+        let free = stream.into_iter().flat_map(|stream| &stream.free);
+        let of_stream = free.map(Range::len).sum::<usize>() as u64;
         let left = self.free.len() as u64 * (of_stream + self.design_weight());
         let share = left / (PARTS_PER_SLOT * slots.max(1) as u64);
         // Splitting a cheap design only so that all slots finish together would compute its
-        // criteria twice. The evaluations of a run share no such work.
-        let whole = match first.kind {
-            Kind::Run => 0,
-            Kind::Design | Kind::Point => of_stream + self.design_weight(),
+        // criteria twice. The evaluations of a run share no such work, nor do the samples of a program whose
+        // design is analysed.
+        let is_analysed = stream.is_some_and(|stream| stream.is_analysed);
+        let shares_nothing = first.kind == Kind::Run || self.options.long_samples && is_analysed;
+        let whole = match shares_nothing {
+            true => 0,
+            false => of_stream + self.design_weight(),
         };
         affordable
             .min(share.max(whole))

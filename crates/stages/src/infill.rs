@@ -15,6 +15,10 @@ use sha2::{Digest as _, Sha256};
 /// carry little information about the response within the constraints.
 pub const REACH: f64 = 1.0;
 
+/// Evaluations in the search for one infill point of a gear campaign, fewer than usual because each of them analyses a
+/// pair.
+pub const SEARCH_EVALUATIONS: usize = 400;
+
 /// [`InfillRow::reason`](store::InfillRow::reason) of more samples at a sampled design.
 pub const MORE: &str = "more";
 
@@ -164,8 +168,7 @@ pub fn options(
         rounds: section.rounds as usize,
         delta_um: section.tolerance,
         search_evaluations: match problem.gears() {
-            // Each of them analyses a pair.
-            Some(_) => 400,
+            Some(_) => SEARCH_EVALUATIONS,
             None => standard.search_evaluations,
         },
         ..standard

@@ -309,8 +309,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         batch: 24,
         delta_um: 0.003,
         samples_left: left,
-        // Each of them analyses a pair.
-        search_evaluations: 400,
+        search_evaluations: stages::infill::SEARCH_EVALUATIONS,
         samples_new: SAMPLES,
         samples_more: SAMPLES,
         ..standard.clone()

@@ -10,6 +10,8 @@
 //!                          separate process: its memory and response times
 //! load large [DESIGNS] [SAMPLES]   a large store: the time until status answers and leasing starts
 //! load waiting [WORKERS]   workers that wait for a job: the time until a free one is leased
+//! load busy [SECONDS]      16 slots of a program whose calls take so long, in a campaign with
+//!                          enrichment and searches: the share of their time that they are busy
 //! ```
 //!
 //! Run it with `cargo bench -p coordinator --bench load -- noop`, for example. Each figure is printed
@@ -18,6 +20,7 @@
 #![expect(clippy::disallowed_methods, reason = "it measures time")]
 #![expect(clippy::print_stdout, reason = "a program for the command line")]
 
+mod busy;
 mod crowd;
 mod overhead;
 mod slow;
@@ -60,6 +63,11 @@ fn main() -> anyhow::Result<()> {
                 .with_context(|| format!("{text:?} is not a number"))
         })
     };
+    let seconds = |index: usize| -> anyhow::Result<f64> {
+        let text = arguments.get(index).map_or("3", String::as_str);
+        text.parse()
+            .with_context(|| format!("{text:?} is not a number"))
+    };
     let what = arguments.first().map(String::as_str);
     port::allow_many_files();
     // The same number of threads as in the two programs.
@@ -73,11 +81,13 @@ fn main() -> anyhow::Result<()> {
         Some("crowd") => runtime.block_on(crowd::crowd(number(1, 1000)?, number(2, 20)?)),
         Some("large") => runtime.block_on(large(number(1, 100_000)?, number(2, 100)?)),
         Some("waiting") => runtime.block_on(waiting::waiting(number(1, 10_000)?)),
+        Some("busy") => busy::busy(seconds(1)?),
         // Processes that the measurements start.
+        Some("sleep") => busy::sleep(seconds(1)?, arguments.get(2).context("a folder")?.as_ref()),
         Some("worker") => runtime.block_on(work(&arguments[1..])),
         Some("serve") => runtime.block_on(serve(&arguments[1..])),
         Some("simulate") => slow::simulate(),
-        _ => bail!("say what to measure: noop, overhead, crowd, large or waiting"),
+        _ => bail!("say what to measure: noop, overhead, crowd, large, waiting or busy"),
     }
 }
 

@@ -133,18 +133,39 @@ fn a_design_is_analysed_once_as_long_as_there_is_other_work() {
         let grant = ledger.lease(&worker(name), at(0.0)).unwrap();
         (units(&grant)[0].stream, grant)
     };
-    let (first, grant) = stream(&mut ledger, "a");
+    let (first, _) = stream(&mut ledger, "a");
     let (second, _) = stream(&mut ledger, "b");
     assert_eq!([first, second], [StreamId::design(0), StreamId::design(1)]);
     // A worker that would be idle otherwise analyses a design again.
     let (third, again) = stream(&mut ledger, "c");
-    assert_eq!(third, StreamId::design(0));
+    assert_eq!(third, first);
     ledger.release(&worker("c"), &[again.lease], at(0.0));
-    ledger.analysed(first, Generation(7), ());
-    ledger.deliver(&worker("a"), grant.lease, &all_of(&grant), at(0.0));
-    for name in ["a", "c"] {
-        assert_eq!(stream(&mut ledger, name).0, first);
-    }
+    ledger.analysed(second, Generation(7), ());
+    assert_eq!(stream(&mut ledger, "c").0, second);
+}
+
+/// All slots help with the samples of a program at one point, although one could take them all in a second.
+#[test]
+fn the_samples_of_an_analysed_stream_are_shared_out() {
+    let options = Options {
+        long_samples: true,
+        ..Options::default()
+    };
+    let names = ["a", "b", "c", "d"];
+    let mut ledger = ledger(options, 0, 0, &names);
+    ledger.want(wanted(StreamId::point(1), 7, 0..100));
+    // A sample takes a millisecond.
+    let grant = ledger.lease(&worker("a"), at(0.0)).unwrap();
+    let delivery = Delivery {
+        seconds: 1e-3 * (samples(&grant) + 2) as f64,
+        ..all_of(&grant)
+    };
+    ledger.deliver(&worker("a"), grant.lease, &delivery, at(0.0));
+    let taken = names.map(|name| samples(&ledger.lease(&worker(name), at(0.0)).unwrap()));
+    assert!(
+        taken.iter().all(|taken| (2..=9).contains(taken)),
+        "{taken:?}"
+    );
 }
 
 /// A round waits for its infill points. The verification of optima, whose numbers are lower, can wait.
