@@ -8,7 +8,7 @@ use gear::inspection::{active_path, form_radii};
 use problem::Approach;
 use stages::optima::Optimum;
 
-use super::torque::{RandomFlanks, over_torque};
+use super::torque::{RandomFlanks, TorqueCurves, over_torque};
 use crate::finer_grid::difference_um;
 use crate::snapshot::Snapshot;
 
@@ -115,21 +115,6 @@ pub struct FlankProfile {
     pub modification_um: Vec<f64>,
     /// Depth of the mean wear, µm; may be empty.
     pub wear_um: Vec<f64>,
-}
-
-/// ΔSTE of a pair at several torques. Its flanks are worn at the torque that it is designed for.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TorqueCurves {
-    /// Torques on the pinion, N·m.
-    pub torque_nm: Vec<f64>,
-    /// The torque that the pair is designed for, N·m; one of these.
-    pub design_nm: f64,
-    /// Unworn, µm.
-    pub unworn_um: Vec<f64>,
-    /// With the mean wear, µm; may be empty.
-    pub worn_um: Vec<f64>,
-    /// P10 and P90 over random wear, µm; may be empty.
-    pub band_um: [Vec<f64>; 2],
 }
 
 /// Contact pressure over the flank of one tooth.

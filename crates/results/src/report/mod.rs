@@ -44,7 +44,7 @@ pub(crate) use doe::statistics;
 pub use doe::{DoePoint, Response};
 pub use drawing::{
     ContactPattern, FlankProfile, GearDrawing, GearOutline, Illustration, MagnifiedRelief,
-    PressureCurves, SteCurves, TorqueCurves, contact, drawing, profiles, ste,
+    PressureCurves, SteCurves, contact, drawing, profiles, ste,
 };
 pub use enrichment::{Enrichment, EnrichmentRound, rounds};
 pub use error::Error;
@@ -59,6 +59,6 @@ pub(crate) use quantity::{label, limits, values};
 pub use runs::OptimiserRun;
 pub use svg::{Axis, Chart, Mark, Picture, Scale, Series};
 pub use symbols::symbol;
-pub use torque::{RandomFlanks, over_torque};
+pub use torque::{RandomFlanks, TorqueCurves, over_torque};
 pub use wear::WearProfiles;
 pub use write::{FILE, write, write_file};

@@ -3,14 +3,27 @@
 use gear::{Pair, Sampler, Scatter, Wear};
 use stats::streams::{Purpose, stream};
 
-use super::drawing::TorqueCurves;
-
 /// Torques at which ΔSTE is computed, in per cent of the pair's.
 const TORQUES: [f64; 12] = [
     10.0, 25.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 115.0, 130.0, 150.0,
 ];
 /// Randomly worn pairs behind the band.
 const BAND_SAMPLES: u32 = 60;
+
+/// ΔSTE of a pair at several torques. Its flanks are worn at the torque that it is designed for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TorqueCurves {
+    /// Torques on the pinion, N·m.
+    pub torque_nm: Vec<f64>,
+    /// The torque that the pair is designed for, N·m; one of these.
+    pub design_nm: f64,
+    /// Unworn, µm.
+    pub unworn_um: Vec<f64>,
+    /// With the mean wear, µm; may be empty.
+    pub worn_um: Vec<f64>,
+    /// P10 and P90 over random wear, µm; may be empty.
+    pub band_um: [Vec<f64>; 2],
+}
 
 /// The random flanks behind the band of [`over_torque`].
 #[derive(Debug, Clone, Copy)]

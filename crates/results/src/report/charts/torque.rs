@@ -1,9 +1,9 @@
 //! ΔSTE over the torque.
 
 use super::{HALF, draw, same_length};
-use crate::report::drawing::TorqueCurves;
 use crate::report::error::Error;
 use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
+use crate::report::torque::TorqueCurves;
 
 /// ΔSTE in µm over the pinion's torque in N·m; rings are at the torque that the pair is designed for.
 ///

@@ -7,11 +7,12 @@ use super::figure::{Figure, figure};
 use crate::report::charts;
 use crate::report::charts::VerifiedSamples;
 use crate::report::drawing::{
-    ContactPattern, FlankProfile, GearDrawing, PressureCurves, SteCurves, TorqueCurves,
+    ContactPattern, FlankProfile, GearDrawing, PressureCurves, SteCurves,
 };
 use crate::report::error::Error;
 use crate::report::quantity::limits;
 use crate::report::svg;
+use crate::report::torque::TorqueCurves;
 use crate::report::wear::WearProfiles;
 use crate::sheet::Section;
 
