@@ -23,7 +23,9 @@ pub const DESIGNS: u32 = SimulatorSection::MAX_PROBE_DESIGNS;
 /// Never: the built-in model refuses designs, but does not fail.
 #[must_use]
 pub fn model_digest(problem: &Problem) -> String {
-    let answers = answers_of(problem, DESIGNS);
+    let answers = (0..u64::from(DESIGNS)).map(|design| ask(problem, design));
+    let answers = answers.collect::<Result<Vec<_>, _>>();
+    let answers = answers.and_then(|answers| conclude(problem, &answers));
     answers
         .expect("the built-in model refuses but never fails")
         .digest
@@ -59,89 +61,130 @@ pub enum ProbeError {
     Machine(String),
 }
 
-/// The answers of `simulator` about the first `designs` of a fixed set of designs. The first sample
-/// of all is drawn twice.
+/// The answers about one design of the probe.
+#[derive(Debug, Clone, Default)]
+pub struct DesignAnswers {
+    /// The numbers, in the order in which they enter the digest.
+    numbers: Vec<f64>,
+    /// Two samples with different seeds, if the first one is a number.
+    samples: Option<[Vec<f64>; 2]>,
+    /// Why the simulator failed.
+    failure: Option<String>,
+}
+
+/// The point of a design of the probe in the unit cube, and the stream of its samples.
+fn begin(problem: &Problem, design: u64) -> (Vec<f64>, StreamRng) {
+    let mut rng = stream(0, Purpose::Test, design, 0);
+    let unit = (0..problem.dimension()).map(|_| rng.random()).collect();
+    (unit, rng)
+}
+
+/// Asks `simulator` about one design of the probe.
 ///
 /// A design on which the simulator fails, or gives no number, is an answer like a refusal.
 ///
 /// # Errors
 ///
+/// The machine cannot run the simulator.
+pub fn ask(simulator: &dyn Simulator, design: u64) -> Result<DesignAnswers, ProbeError> {
+    let problem = simulator.problem();
+    let (unit, mut rng) = begin(problem, design);
+    let asked = problem.design(&problem.free_point(&unit), problem.base());
+    let mut answers = DesignAnswers::default();
+    let mut answer = || -> Result<(), NoAnswer> {
+        let mut prepared = simulator.prepare(&asked)?;
+        for state in [State::Nominal, State::Baseline] {
+            let analysis = prepared.analyse(state)?;
+            answers.numbers.push(analysis.value);
+            answers.numbers.extend(analysis.criteria.values());
+        }
+        let first = prepared.sample(&mut rng)?;
+        let second = prepared.sample(&mut rng)?;
+        answers.numbers.extend(first.iter().chain(&second));
+        // A failed sample does not show whether the seed matters.
+        if first.iter().all(|value| value.is_finite()) {
+            answers.samples = Some([first, second]);
+        }
+        Ok(())
+    };
+    match answer() {
+        Ok(()) => {}
+        Err(NoAnswer::Refused(_)) => answers.numbers.push(0.0),
+        Err(NoAnswer::Failed(why)) => {
+            answers.numbers.push(1.0);
+            answers.failure = Some(format!("question {design} of the model digest: {why}"));
+        }
+        Err(NoAnswer::Machine(why)) => return Err(ProbeError::Machine(why)),
+    }
+    Ok(answers)
+}
+
+/// The result of a probe, from the answers about its first designs. `simulator` draws the first sample of all once
+/// more.
+///
+/// # Errors
+///
 /// The simulator failed on every design, gave two values for one seed, or cannot be run.
-pub fn answers_of(simulator: &dyn Simulator, designs: u32) -> Result<Answers, ProbeError> {
+pub fn conclude(
+    simulator: &dyn Simulator,
+    answers: &[DesignAnswers],
+) -> Result<Answers, ProbeError> {
+    let failures: Vec<&String> = answers
+        .iter()
+        .filter_map(|one| one.failure.as_ref())
+        .collect();
+    if let Some(last) = failures.last()
+        && failures.len() == answers.len()
+    {
+        return Err(ProbeError::Fails((*last).clone()));
+    }
+    let sampled = (0..).zip(answers);
+    let mut sampled = sampled.filter_map(|(design, one)| Some((design, one.samples.as_ref()?)));
+    let equal = |samples: &[Vec<f64>; 2]| samples[0] == samples[1];
+    let (mut number, mut equals) = (0, 0);
+    if let Some((design, samples)) = sampled.next() {
+        repeat(simulator, design, &samples[0])?;
+        (number, equals) = (1, u32::from(equal(samples)));
+    }
+    for (_, samples) in sampled {
+        number += 1;
+        equals += u32::from(equal(samples));
+    }
     let mut hash = Sha256::new();
-    let (mut sampled, mut equal) = (0, 0);
     if let Some(version) = simulator.version() {
         hash.update(version.as_bytes());
     }
-    let problem = simulator.problem();
-    let (mut failed, mut error) = (0, String::new());
-    let mut fault = None;
-    for design in 0..u64::from(designs) {
-        // The stream gives the point of the design, and then its samples.
-        let begin = || {
-            let mut rng = stream(0, Purpose::Test, design, 0);
-            let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
-            (unit, rng)
-        };
-        let (unit, mut rng) = begin();
-        let asked = problem.design(&problem.free_point(&unit), problem.base());
-        let mut absorb = |value: f64| hash.update(value.to_bits().to_le_bytes());
-        let mut answer = || -> Result<(), NoAnswer> {
-            let mut design = simulator.prepare(&asked)?;
-            for state in [State::Nominal, State::Baseline] {
-                let analysis = design.analyse(state)?;
-                absorb(analysis.value);
-                analysis
-                    .criteria
-                    .values()
-                    .iter()
-                    .copied()
-                    .for_each(&mut absorb);
-            }
-            let mut sample = |rng: &mut StreamRng| design.sample(rng);
-            let [first, second] = [sample(&mut rng)?, sample(&mut rng)?];
-            first.iter().chain(&second).copied().for_each(&mut absorb);
-            if sampled == 0 {
-                let again = sample(&mut begin().1)?;
-                let bits =
-                    |values: &[f64]| values.iter().map(|one| one.to_bits()).collect::<Vec<_>>();
-                if bits(&again) != bits(&first) {
-                    let [first, again] = [&first, &again].map(|values| listed(values));
-                    fault = Some(format!(
-                        "one sample, asked for twice with the same seed, was {first} and then \
-                         {again}: the answers must depend on the request alone \
-                         (simulator.probe_designs = 0 leaves the check out)"
-                    ));
-                }
-            }
-            // A failed sample does not show whether the seed matters.
-            let is_given = first.iter().all(|value| value.is_finite());
-            sampled += u32::from(is_given);
-            equal += u32::from(is_given && first == second);
-            Ok(())
-        };
-        match answer() {
-            Ok(()) => {}
-            Err(NoAnswer::Refused(_)) => absorb(0.0),
-            Err(NoAnswer::Failed(why)) => {
-                failed += 1;
-                absorb(1.0);
-                error = format!("question {design} of the model digest: {why}");
-            }
-            Err(NoAnswer::Machine(why)) => return Err(ProbeError::Machine(why)),
-        }
-    }
-    if let Some(fault) = fault {
-        return Err(ProbeError::Contradicts(fault));
-    }
-    if failed == designs && failed > 0 {
-        return Err(ProbeError::Fails(error));
+    for number in answers.iter().flat_map(|one| &one.numbers) {
+        hash.update(number.to_bits().to_le_bytes());
     }
     Ok(Answers {
         digest: hex::encode(hash.finalize()),
-        sampled,
-        equal,
+        sampled: number,
+        equal: equals,
     })
+}
+
+/// Draws the first sample of a design again, which must be the same.
+fn repeat(simulator: &dyn Simulator, design: u64, first: &[f64]) -> Result<(), ProbeError> {
+    let problem = simulator.problem();
+    let (unit, mut rng) = begin(problem, design);
+    let asked = problem.design(&problem.free_point(&unit), problem.base());
+    let prepared = simulator.prepare(&asked);
+    let again = match prepared.and_then(|mut prepared| prepared.sample(&mut rng)) {
+        Ok(again) => again,
+        // No second value.
+        Err(NoAnswer::Refused(_) | NoAnswer::Failed(_)) => return Ok(()),
+        Err(NoAnswer::Machine(why)) => return Err(ProbeError::Machine(why)),
+    };
+    let bits = |values: &[f64]| values.iter().map(|one| one.to_bits()).collect::<Vec<_>>();
+    if bits(&again) == bits(first) {
+        return Ok(());
+    }
+    let [first, again] = [first, &again].map(listed);
+    Err(ProbeError::Contradicts(format!(
+        "one sample, asked for twice with the same seed, was {first} and then {again}: the answers must depend on the \
+         request alone (simulator.probe_designs = 0 leaves the check out)"
+    )))
 }
 
 /// The values of a sample in messages.
@@ -163,10 +206,14 @@ mod tests {
         let other = Problem::new(campaign);
         assert_eq!(model_digest(&paper), model_digest(&paper));
         assert_ne!(model_digest(&paper), model_digest(&other));
-        let digest = |problem, designs| answers_of(problem, designs).unwrap().digest;
+        let answers_of = |problem: &Problem, designs| {
+            let answers = (0..designs).map(|design| ask(problem, design).unwrap());
+            conclude(problem, &answers.collect::<Vec<_>>()).unwrap()
+        };
+        let digest = |problem, designs| answers_of(problem, designs).digest;
         assert_ne!(digest(&paper, 2), digest(&paper, 3));
         assert_ne!(digest(&paper, 2), digest(&other, 2));
-        let answers = answers_of(&paper, DESIGNS).unwrap();
+        let answers = answers_of(&paper, u64::from(DESIGNS));
         assert!(answers.sampled > 1 && answers.equal == 0, "{answers:?}");
     }
 }

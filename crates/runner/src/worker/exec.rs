@@ -13,6 +13,7 @@ mod files;
 mod numbers;
 mod object;
 mod output;
+mod probing;
 mod process;
 mod program;
 mod repeated;
@@ -32,11 +33,10 @@ use std::time::{Duration, Instant};
 
 use problem::file::{SimulatorKind, SimulatorSection};
 use problem::formulation::{Design, Problem};
-use problem::probe::{self, ProbeError};
+use problem::probe;
 use problem::simulator::{NoAnswer, PreparedDesign, Simulator};
 use serde_json::{Map, Value};
 use tokio::sync::watch;
-use tracing::warn;
 
 use crate::outside;
 use crate::worker::error::Error;
@@ -47,12 +47,9 @@ use fault::{Fault, PAUSES, patiently};
 use files::FailedRuns;
 use numbers::Numbers;
 use program::Program;
-use repeated::Repeated;
 use slot::Slots;
 pub use trial::{Trial, trial};
 
-/// Pause before a program that fails on every question of the model digest is asked again.
-const PROBE_PAUSE: Duration = Duration::from_secs(2);
 /// The variable with the folder of the campaign file, for the campaign's command.
 const FOLDER: &str = "CAMPAIGN_FOLDER";
 /// Default time limit of an answer.
@@ -252,62 +249,11 @@ impl Backend {
         }
     }
 
-    /// Returns the digest of the answers to the probe questions, which may take the program's time.
-    pub(crate) fn model_digest(&self, problem: &Problem) -> Result<String, Error> {
+    /// Returns the digest of the answers to the probe questions, which `slots` programs answer at the same time.
+    pub(crate) fn model_digest(&self, problem: &Problem, slots: usize) -> Result<String, Error> {
         match self {
             Self::BuiltIn => Ok(probe::model_digest(problem)),
-            Self::External(programs) => {
-                let simulator = &problem.campaign().simulator;
-                let session = programs.session(problem);
-                let failed = |reason: String| Error::Program {
-                    reason: outside::clean(&reason),
-                };
-                session.patiently(|| session.start()).map_err(|fault| {
-                    match NoAnswer::from(fault) {
-                        NoAnswer::Machine(reason) => Error::Machine { reason },
-                        NoAnswer::Failed(reason) | NoAnswer::Refused(reason) => failed(reason),
-                    }
-                })?;
-                let since = Instant::now();
-                let mut failures = Repeated::default();
-                let answers = loop {
-                    match probe::answers_of(&session, simulator.probe_designs()) {
-                        Ok(answers) => break answers,
-                        // Tried again, as in an outage.
-                        Err(ProbeError::Fails(reason))
-                            if since.elapsed() < simulator.retry_for() && !self.is_stopped() =>
-                        {
-                            match failures.count(&reason) {
-                                1 => {
-                                    let reason = outside::line(&reason);
-                                    warn!(
-                                        reason,
-                                        "the simulator fails on every question; asking again"
-                                    );
-                                }
-                                attempts if attempts.is_power_of_two() => warn!(
-                                    attempts,
-                                    "the simulator still fails for the same reason; asking again"
-                                ),
-                                _ => {}
-                            }
-                            std::thread::sleep(PROBE_PAUSE);
-                        }
-                        Err(ProbeError::Fails(reason) | ProbeError::Contradicts(reason)) => {
-                            return Err(failed(reason));
-                        }
-                        Err(ProbeError::Machine(reason)) => return Err(Error::Machine { reason }),
-                    }
-                };
-                if answers.ignores_seeds() {
-                    warn!(
-                        designs = answers.equal,
-                        "the simulator seems to ignore its seed: two samples of each design with different \
-                         seeds are equal. Everything random must follow from \"seed\""
-                    );
-                }
-                Ok(answers.digest)
-            }
+            Self::External(programs) => programs.model_digest(problem, slots),
         }
     }
 

@@ -171,9 +171,14 @@ fn answers_become_results_and_one_process_gives_them_all() {
 
 #[test]
 fn the_digest_tells_programs_apart() {
-    let digest = |changes| backend(changes).model_digest(&problem()).unwrap();
+    let digest = |changes| backend(changes).model_digest(&problem(), 2).unwrap();
     let usual = digest("");
     assert_eq!(usual, digest(""));
+    // However many programs answer at the same time.
+    for slots in [1, 16] {
+        let digest = backend("").model_digest(&problem(), slots);
+        assert_eq!(usual, digest.unwrap());
+    }
     assert_ne!(
         usual,
         digest(
@@ -185,7 +190,7 @@ fn the_digest_tells_programs_apart() {
         digest(r#"on_describe() { answer '"protocol":2,"version":"other"'; }"#)
     );
     let error = backend("on_describe() { answer '\"protocol\":1'; }")
-        .model_digest(&problem())
+        .model_digest(&problem(), 2)
         .unwrap_err()
         .to_string();
     assert!(error.contains("uses protocol 1"), "{error}");
@@ -335,7 +340,7 @@ fn a_flood_of_standard_error_blocks_nothing_and_its_end_is_kept() {
 #[test]
 fn a_command_that_is_none_says_what_the_shell_said() {
     let backend = backend_of("/no/such/simulator".to_owned(), Duration::from_secs(5));
-    let error = backend.model_digest(&problem()).unwrap_err();
+    let error = backend.model_digest(&problem(), 2).unwrap_err();
     assert_eq!(error.exit_code(), crate::exit::FILE_ACCESS);
     let error = error.to_string();
     assert!(

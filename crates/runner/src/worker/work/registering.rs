@@ -142,7 +142,8 @@ impl SharedState {
         // An external program may take long to answer and must not block the runtime.
         let questions = {
             let (problem, backend) = (problem.clone(), Arc::clone(&backend));
-            tokio::task::spawn_blocking(move || backend.model_digest(&problem))
+            let slots = self.options.slots;
+            tokio::task::spawn_blocking(move || backend.model_digest(&problem, slots))
         };
         // If the worker is asked to leave meanwhile, this wait is dropped. The guard then ends the
         // program.
