@@ -310,6 +310,7 @@ fn enriched(problem: &Problem, seed: u64, criterion: Criterion, trace: bool) -> 
         delta_um: 0.003,
         samples_left: left,
         search_evaluations: stages::infill::SEARCH_EVALUATIONS,
+        fit_starts: stages::infill::FIT_STARTS,
         samples_new: SAMPLES,
         samples_more: SAMPLES,
         ..standard.clone()
