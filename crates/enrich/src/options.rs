@@ -101,8 +101,8 @@ pub struct Options {
 impl Options {
     /// Knowledge gradient, batches of 12, 30 samples for a new design and for more samples at an old one, δ = 0.02, 80
     /// % quantiles, every third point global, three basins with models of 30 d designs and regions of 5 d, searches
-    /// of 300 d evaluations, and five starts of each fit. Chosen on seven test functions of 2 to 8 variables, four of which are in the table of
-    /// `docs/enrichment.md`.
+    /// of 300 d evaluations, and five starts of each fit. Chosen on seven test functions of 2 to 8 variables, four of
+    /// which are in the table of `docs/enrichment.md`.
     #[must_use]
     pub fn new(bounds: Bounds) -> Self {
         let d = bounds.dimension();

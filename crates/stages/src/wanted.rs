@@ -43,7 +43,9 @@ pub fn requests(problem: &Problem, inputs: &Inputs, next: &Next, open: &[OpenDes
             let stream = StreamId::design(design.design);
             let mut wanted = inputs.wanted(stream, source, design.samples);
             wanted.missing.clone_from(&design.missing);
-            wanted.is_analysed |= problem.responses().is_empty();
+            // There is nothing to analyse, or the campaign file has the responses.
+            let own = problem.own_responses(design.design.into());
+            wanted.is_analysed |= problem.responses().is_empty() || own.is_some();
             requests.streams.push(wanted);
         }
     }

@@ -1,5 +1,6 @@
 //! The probe of an external program: the questions that every worker asks before it registers.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -18,8 +19,7 @@ use crate::worker::error::Error;
 const PAUSE: Duration = Duration::from_secs(2);
 
 impl Programs {
-    /// Returns the digest of the answers to the probe questions, which `slots` programs answer at the same time. This may
-    /// take the program's time.
+    /// Returns the digest of the answers to the probe questions, which `slots` programs answer at the same time.
     pub(super) fn model_digest(&self, problem: &Problem, slots: usize) -> Result<String, Error> {
         let failed = |reason: String| Error::Program {
             reason: outside::clean(&reason),
@@ -84,7 +84,7 @@ impl Programs {
         slots: usize,
     ) -> Result<Answers, ProbeError> {
         let next = AtomicU64::new(0);
-        let asked: Mutex<Vec<(u64, Result<DesignAnswers, ProbeError>)>> = Mutex::default();
+        let asked: Mutex<BTreeMap<u64, Result<DesignAnswers, ProbeError>>> = Mutex::default();
         std::thread::scope(|scope| {
             for _ in 0..designs.min(slots as u64) {
                 scope.spawn(|| {
@@ -96,14 +96,13 @@ impl Programs {
                         }
                         let answers = probe::ask(&session, design);
                         let mut asked = asked.lock().unwrap_or_else(PoisonError::into_inner);
-                        asked.push((design, answers));
+                        asked.insert(design, answers);
                     }
                 });
             }
         });
-        let mut asked = asked.into_inner().unwrap_or_else(PoisonError::into_inner);
-        asked.sort_by_key(|(design, _)| *design);
-        let answers: Result<Vec<_>, _> = asked.into_iter().map(|(_, answers)| answers).collect();
+        let asked = asked.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let answers: Result<Vec<_>, _> = asked.into_values().collect();
         probe::conclude(&self.session(problem), &answers?)
     }
 }
