@@ -125,6 +125,15 @@ impl Connection<'static> {
         };
         closed.map_err(|e| Error::sqlite(&self.path, e))
     }
+
+    /// Returns `result` once the connection is closed. After a refusal the caller may replace the file, and a connection
+    /// that is only dropped still holds the log for a moment.
+    pub(crate) async fn closing<T>(self, result: Result<T, Error>) -> Result<T, Error> {
+        let closed = self.close().await;
+        let value = result?;
+        closed?;
+        Ok(value)
+    }
 }
 
 impl Connection<'_> {

@@ -34,8 +34,8 @@ impl ReadOptions {
 
     async fn check(&self) -> Result<(), Error> {
         let mut connection = self.connect().await?;
-        check(&mut connection).await?;
-        connection.close().await
+        let checked = check(&mut connection).await;
+        connection.closing(checked).await
     }
 }
 

@@ -99,15 +99,17 @@ impl Store {
         roll_back(&path).await?;
         let reading = reading(&path);
         let mut connection = schema::inspect(&reading).await?;
-        // A change of the journal mode writes to the file, so the file is checked first in that case, too.
-        let at_once = size(&path)? <= check_at_once || !is_wal(&mut connection).await?;
-        if at_once {
-            integrity::check(&mut connection).await?;
+        let found = async {
+            // A change of the journal mode writes to the file, so the file is checked first in that case, too.
+            let at_once = size(&path)? <= check_at_once || !is_wal(&mut connection).await?;
+            if at_once {
+                integrity::check(&mut connection).await?;
+            }
+            let stored = campaign::read(&mut connection).await?;
+            Ok((at_once, stored, commits::read(&mut connection).await?))
         }
-        let stored = campaign::read(&mut connection).await?;
-        let commits = commits::read(&mut connection).await?;
-        // The connection is closed before a refusal, after which the caller may replace the file.
-        connection.close().await?;
+        .await;
+        let (at_once, stored, commits) = connection.closing(found).await?;
         lock.compare(commits)?;
         if stored.digest != campaign.digest
             && let Err(changes) = may_extend(&stored)
@@ -182,13 +184,16 @@ impl Store {
             }
             inspected => inspected?,
         };
-        let integrity = if size(&path)? <= CHECK_BEFORE_READING {
-            integrity::check(&mut connection).await?;
-            Integrity::sound()
-        } else {
-            Integrity::on_demand(reading.clone())
+        let is_small = size(&path)? <= CHECK_BEFORE_READING;
+        let checked = match is_small {
+            true => integrity::check(&mut connection).await,
+            false => Ok(()),
         };
-        connection.close().await?;
+        connection.closing(checked).await?;
+        let integrity = match is_small {
+            true => Integrity::sound(),
+            false => Integrity::on_demand(reading.clone()),
+        };
         let readers = readers(&reading).await?;
         Ok(Self {
             path,

@@ -62,8 +62,14 @@ pub(crate) fn is_marked(path: &Path) -> Result<bool, Error> {
 
 /// Checks that the file is a store with this program's schema, and returns a reading connection.
 pub(crate) async fn inspect(file: &ReadOptions) -> Result<Connection<'static>, Error> {
-    let path = &file.path;
     let mut connection = file.connect().await?;
+    match recognise(&mut connection, &file.path).await {
+        Ok(()) => Ok(connection),
+        Err(error) => connection.closing(Err(error)).await,
+    }
+}
+
+async fn recognise(connection: &mut Connection<'_>, path: &Path) -> Result<(), Error> {
     let first_read = connection.pragma("PRAGMA application_id");
     let application_id: Vec<i64> = waiting(path, first_read).await?;
     let application_id = application_id.first().copied().unwrap_or(0);
@@ -81,7 +87,7 @@ pub(crate) async fn inspect(file: &ReadOptions) -> Result<Connection<'static>, E
             path: path.to_path_buf(),
         });
     }
-    Ok(connection)
+    Ok(())
 }
 
 /// Makes the tables of a new store, in one transaction.
