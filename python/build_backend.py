@@ -21,8 +21,13 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     # All three at once: building each alone would enable other features of some crates and build them again.
     packages = [f"--package={name}" for name in (*PROGRAMS, "pitchline-python")]
     further = shlex.split((config_settings or {}).get("build-args", ""))
-    subprocess.run(["cargo", "build", "--release", "--locked", *packages, *further], cwd=HERE, check=True)
-    built = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent / "target")) / "release"
+    # maturin takes the same arguments, and without a profile it builds a release, too.
+    is_development = "--profile=dev" in further
+    if not is_development:
+        further.append("--release")
+    subprocess.run(["cargo", "build", "--locked", *packages, *further], cwd=HERE, check=True)
+    folder = "debug" if is_development else "release"
+    built = Path(os.environ.get("CARGO_TARGET_DIR", HERE.parent / "target")) / folder
     data = HERE / "pitchline.data"
     shutil.copytree(HERE.parent / "share", data / "data" / "share", dirs_exist_ok=True)
     (data / "scripts").mkdir(exist_ok=True)

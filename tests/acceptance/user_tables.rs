@@ -247,13 +247,14 @@ fn many_rows_with_unknown_noise_are_fitted() {
     sandbox.write("new.csv", &new);
     let fit = ["fit", "n12k.csv", "--response", "y", "--out", "m.json"];
 
-    // This fit takes a minute, and the program needs a moment until it takes signals.
+    // This fit takes a minute.
     sandbox.write("n100k.csv", &table(100_000).0);
-    let running = sandbox.start(
+    let mut running = sandbox.start_with(
         "coordinator",
         &["fit", "n100k.csv", "--response", "y", "--out", "m.json"],
+        &[("PITCHLINE_LOG", "debug")],
     );
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    running.wait_for_line("fitting a model to 100000 rows");
     running.signal("INT");
     let (status, _) = running.finish();
     assert_eq!(status.code(), Some(14));

@@ -8,14 +8,29 @@ use crate::exit;
 /// Cancels `shutdown` at the first SIGTERM, SIGINT or SIGHUP, after logging `notice`. A later SIGINT, such
 /// as a second Ctrl-C, ends the program at once. Other later signals have no effect: batch systems send
 /// several, and a terminal that closes sends SIGHUP. Under `nohup` SIGHUP stays ignored.
-pub async fn watch_signals(shutdown: CancellationToken, notice: &'static str) {
-    let (Ok(mut terminate), Ok(mut interrupt)) = (
-        signal(SignalKind::terminate()),
-        signal(SignalKind::interrupt()),
-    ) else {
-        return;
-    };
-    let mut hang_up = hang_up();
+///
+/// Signals are taken from the call on, before the future is polled. Must be called within a Tokio runtime.
+pub fn watch_signals(
+    shutdown: CancellationToken,
+    notice: &'static str,
+) -> impl Future<Output = ()> + Send {
+    let terminate = signal(SignalKind::terminate());
+    let interrupt = signal(SignalKind::interrupt());
+    let hang_up = hang_up();
+    async move {
+        if let (Ok(terminate), Ok(interrupt)) = (terminate, interrupt) {
+            watch(terminate, interrupt, hang_up, &shutdown, notice).await;
+        }
+    }
+}
+
+async fn watch(
+    mut terminate: Signal,
+    mut interrupt: Signal,
+    mut hang_up: Option<Signal>,
+    shutdown: &CancellationToken,
+    notice: &str,
+) {
     loop {
         let is_interrupt = tokio::select! {
             _ = terminate.recv() => false,

@@ -22,7 +22,7 @@ fn batch(index: u64) -> Batch {
 #[expect(clippy::print_stderr, reason = "how the child tells its parent")]
 #[expect(clippy::disallowed_methods, reason = "how the parent tells its child")]
 #[tokio::test]
-#[ignore = "the other tests run it: cargo test --release --workspace --test it fail_points"]
+#[ignore = "the other tests run it: cargo test --workspace --test it fail_points"]
 async fn child() {
     let point = std::env::var("FAIL_POINT").expect("set by the parent");
     point.parse::<FailPoint>().unwrap().set();
