@@ -205,7 +205,8 @@ def test_a_coordinator_elsewhere_is_asked_and_worked_for(tmp_path, finished):
     campaign = tmp_path / "far.toml"
     campaign.write_text(pitchline.Campaign(near).text)
     options = ["--db", tmp_path / "far.db", "--out", tmp_path / "report", "--access", access]
-    serve = [pitchline.program("coordinator"), "serve", campaign, "--listen", "127.0.0.1:0", *options]
+    options += ["--listen", "127.0.0.1:0", "--keep-serving"]
+    serve = [pitchline.program("coordinator"), "serve", campaign, *options]
     with subprocess.Popen(serve, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
         try:
             deadline = time.monotonic() + 60.0
@@ -215,10 +216,12 @@ def test_a_coordinator_elsewhere_is_asked_and_worked_for(tmp_path, finished):
             assert far.status()["campaign"] == "far"
             assert all(sentence[0].islower() and " " in sentence for sentence in far.explain())
             assert "<table>" in far._repr_html_()
-            far.drain()
             far.drain(resume=True)
             far.retry()
             pitchline.work(bowl, access=access, slots=2)
+            while not far.status()["finished"] and time.monotonic() < deadline:
+                time.sleep(0.05)
+            far.drain()
             assert server.wait(60.0) == 0
         finally:
             server.kill()
