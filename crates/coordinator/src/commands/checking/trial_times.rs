@@ -67,7 +67,7 @@ pub(super) fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
     // Each reason by its short name, with the number of its designs and the whole reason of the first one.
     let mut reasons: BTreeMap<String, (u32, String)> = BTreeMap::new();
     let mut trials = Vec::new();
-    let samples = [4, 104];
+    let samples = [4, 44];
     for (pass, count) in samples.into_iter().enumerate() {
         sampled = 0.0;
         trials.clear();
@@ -159,7 +159,7 @@ fn feasible(problem: &Problem, trials: &[Analysis]) -> Feasible {
 }
 
 /// Maximum number of evaluations in a trial run.
-const EVALUATIONS: u32 = 200;
+const EVALUATIONS: u32 = 80;
 
 /// Estimates the time of one run of every optimised approach by a short run of each. A search
 /// reaches designs that cost more than random ones, many of which are refused at once. The kriging
