@@ -92,7 +92,13 @@ pub(crate) async fn insert(
             current.push((owner, origin, *batch));
         }
     }
-    // For all batches at once: samples of neighbouring batches share a block, and each job has a time.
+    // For all batches at once, since a statement costs more than a row: most batches have a design's criteria, its
+    // samples and their time. Samples of neighbouring batches share a block.
+    let criteria: Vec<_> = current
+        .iter()
+        .flat_map(|(owner, origin, batch)| batch.criteria.iter().map(|row| (*owner, *origin, row)))
+        .collect();
+    criteria::insert(connection, &criteria, &mut receipts).await?;
     let samples: Vec<_> = current
         .iter()
         .map(|(owner, origin, batch)| (*owner, *origin, &*batch.samples))
@@ -106,16 +112,13 @@ pub(crate) async fn insert(
     Ok(receipts)
 }
 
-/// Stores everything but samples and times.
+/// Stores everything but criteria, samples and times.
 async fn insert_rows(
     connection: &mut Connection<'_>,
     batch: &Batch,
     origin: Option<i64>,
     receipt: &mut Receipt,
 ) -> Result<(), Error> {
-    for row in &batch.criteria {
-        receipt.count(criteria::insert(connection, row, origin).await?);
-    }
     for row in &batch.runs {
         receipt.count(runs::insert(connection, row, origin).await?);
     }

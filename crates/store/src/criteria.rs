@@ -1,9 +1,12 @@
 //! The deterministic results of designs.
 
+use std::collections::BTreeMap;
+
 use crate::Error;
 use crate::connection::Connection;
+use crate::receipt::Receipt;
 use crate::row::{self, Columns, Row};
-use crate::values::{Numbers, bytes};
+use crate::values::{Numbers, bytes, list};
 
 /// The deterministic results of a design.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -37,20 +40,44 @@ impl Row for CriteriaRow {
     }
 }
 
-/// The criteria of the designs `first..=last`.
-async fn range(
-    connection: &mut Connection<'_>,
-    first: i64,
-    last: i64,
-) -> Result<Vec<CriteriaRow>, Error> {
-    let query = sqlx::query!(
+/// A row of the table as it is read.
+struct Stored {
+    design: u64,
+    simulable: bool,
+    reason: Option<String>,
+    responses: Option<Numbers>,
+    seal: i64,
+}
+
+pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<CriteriaRow>, Error> {
+    let query = sqlx::query_as!(
+        Stored,
         r#"SELECT design AS "design: u64", simulable AS "simulable: bool", reason,
                   responses AS "responses: Numbers", seal
-           FROM criteria WHERE design BETWEEN ? AND ? ORDER BY design"#,
-        first,
-        last,
+           FROM criteria ORDER BY design"#
     );
     let rows = connection.all(query).await?;
+    checked(connection, rows)
+}
+
+/// The criteria of those of these designs that have some.
+async fn of(
+    connection: &mut Connection<'_>,
+    designs: impl IntoIterator<Item = u64>,
+) -> Result<Vec<CriteriaRow>, Error> {
+    let designs = list(designs.into_iter().map(u64::cast_signed));
+    let query = sqlx::query_as!(
+        Stored,
+        r#"SELECT design AS "design: u64", simulable AS "simulable: bool", reason,
+                  responses AS "responses: Numbers", seal
+           FROM criteria WHERE design IN (SELECT value FROM json_each(?))"#,
+        designs,
+    );
+    let rows = connection.all(query).await?;
+    checked(connection, rows)
+}
+
+fn checked(connection: &Connection<'_>, rows: Vec<Stored>) -> Result<Vec<CriteriaRow>, Error> {
     rows.into_iter()
         .map(|row| {
             let criteria = CriteriaRow {
@@ -64,34 +91,42 @@ async fn range(
         .collect()
 }
 
-pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<CriteriaRow>, Error> {
-    range(connection, 0, i64::MAX).await
-}
-
-/// Stores the criteria of a design and returns whether they were new.
+/// Stores the criteria of designs, each given with the index of its receipt and its origin.
 pub(crate) async fn insert(
     connection: &mut Connection<'_>,
-    row: &CriteriaRow,
-    origin: Option<i64>,
-) -> Result<bool, Error> {
-    let seal = row::seal(row)?;
-    let design = row.design.cast_signed();
-    let responses = row.responses.as_deref().map(bytes);
-    let query = sqlx::query!(
-        "INSERT INTO criteria (design, simulable, reason, responses, seal, origin)
-         VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING",
-        design,
-        row.simulable,
-        row.reason,
-        responses,
-        seal,
-        origin,
-    );
-    if connection.execute(query).await? > 0 {
-        return Ok(true);
+    rows: &[(usize, Option<i64>, &CriteriaRow)],
+    receipts: &mut [Receipt],
+) -> Result<(), Error> {
+    if rows.is_empty() {
+        return Ok(());
     }
-    row::agree(range(connection, design, design).await?.pop(), row)?;
-    Ok(false)
+    let stored = of(connection, rows.iter().map(|(_, _, row)| row.design)).await?;
+    let mut held: BTreeMap<u64, &CriteriaRow> =
+        stored.iter().map(|row| (row.design, row)).collect();
+    let mut new = Vec::new();
+    for &(owner, origin, row) in rows {
+        let earlier = held.insert(row.design, row);
+        receipts[owner].count(earlier.is_none());
+        match earlier {
+            Some(earlier) => row::agree(Some(earlier.clone()), row)?,
+            None => new.push((row, row::seal(row)?, origin)),
+        }
+    }
+    let statement = [
+        "INSERT INTO criteria (design, simulable, reason, responses, seal, origin) ",
+        "",
+    ];
+    connection
+        .insert_many(statement, &new, |values, (row, seal, origin)| {
+            values
+                .push_bind(row.design.cast_signed())
+                .push_bind(row.simulable)
+                .push_bind(row.reason.clone())
+                .push_bind(row.responses.as_deref().map(bytes))
+                .push_bind(*seal)
+                .push_bind(*origin);
+        })
+        .await
 }
 
 /// The digest of all criteria: their number and the sums of the halves of their digests.

@@ -4,7 +4,7 @@ use crate::Error;
 use crate::connection::Connection;
 use crate::receipt::Receipt;
 use crate::row::{self, Columns, Row};
-use crate::values::{Numbers, bytes};
+use crate::values::{Numbers, bytes, list};
 
 /// One point of the design of experiments.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,6 +67,21 @@ pub(crate) async fn one(
 ) -> Result<Option<DesignRow>, Error> {
     let design = design.cast_signed();
     Ok(range(connection, design, design).await?.pop())
+}
+
+/// The first of these designs that is not stored.
+pub(crate) async fn first_unknown(
+    connection: &mut Connection<'_>,
+    designs: impl IntoIterator<Item = u64>,
+) -> Result<Option<u64>, Error> {
+    let designs = list(designs.into_iter().map(u64::cast_signed));
+    let query = sqlx::query!(
+        r#"SELECT value + 0 AS "design!: i64" FROM json_each(?)
+           WHERE value NOT IN (SELECT design FROM design) LIMIT 1"#,
+        designs,
+    );
+    let row = connection.optional(query).await?;
+    Ok(row.map(|row| row.design.cast_unsigned()))
 }
 
 /// Stores the designs that are not stored yet.

@@ -54,12 +54,12 @@ pub(crate) async fn discard(
 
 async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<RemovedRows, Error> {
     let stream = StreamId::design(design);
-    let held = tally::one(connection, stream).await?;
+    let held = tally::of(connection, [stream]).await?;
     samples::remove(connection, Streams::One(stream)).await?;
     // The failures concern removed results, for example a contradiction of two workers.
     failures::remove_of(connection, stream).await?;
     Ok(RemovedRows {
-        samples: held.map_or(0, |tally| tally.samples),
+        samples: held.values().map(|tally| tally.samples).sum(),
         criteria: criteria::remove_of_design(connection, design).await?,
         ..RemovedRows::default()
     })

@@ -54,16 +54,18 @@ pub(crate) async fn insert(
     }
     // The sort is stable: a sample in two batches counts as new for the first.
     offers.sort_by_key(|offer| (offer.stream, offer.sample));
+    let by_stream: Vec<&[Offer]> = offers.chunk_by(|a, b| a.stream == b.stream).collect();
+    let streams = || by_stream.iter().map(|offers| offers[0].stream);
+    let tallies = tally::of(connection, streams()).await?;
+    let new = streams().filter(|stream| !tallies.contains_key(stream));
+    refuse_unknown_designs(connection, new).await?;
     let mut additions = Additions::default();
-    for offers in offers.chunk_by(|a, b| a.stream == b.stream) {
+    for offers in by_stream {
         let stream = offers[0].stream;
-        let tally = tally::one(connection, stream).await?;
+        let tally = tallies.get(&stream).copied();
         let stored = match tally {
             Some(tally) => stored(connection, tally, offers).await?,
-            None => {
-                refuse_unknown_design(connection, stream).await?;
-                Vec::new()
-            }
+            None => Vec::new(),
         };
         let blocks = match fresh(&stored, offers, receipts) {
             Ok(blocks) => blocks,
@@ -100,15 +102,15 @@ async fn stored(
     }
 }
 
-async fn refuse_unknown_design(
+async fn refuse_unknown_designs(
     connection: &mut Connection<'_>,
-    stream: StreamId,
+    streams: impl Iterator<Item = StreamId>,
 ) -> Result<(), Error> {
-    if stream.kind == Kind::Design && designs::one(connection, stream.index).await?.is_none() {
-        let design = stream.index;
-        return Err(Error::UnknownDesign { design });
+    let designs = streams.filter(|stream| stream.kind == Kind::Design);
+    match designs::first_unknown(connection, designs.map(|stream| stream.index)).await? {
+        Some(design) => Err(Error::UnknownDesign { design }),
+        None => Ok(()),
     }
-    Ok(())
 }
 
 /// A conflict with the name of the worker that computed the stored sample.

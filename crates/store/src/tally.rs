@@ -9,7 +9,7 @@ use crate::blocks::{SampleBlock, StoredBlock, Streams};
 use crate::connection::Connection;
 use crate::digest::SamplesDigest;
 use crate::row::{self, Columns, Row};
-use crate::values::{StreamKey, key};
+use crate::values::{StreamKey, key, list};
 
 /// Counts and digest of a stream's samples, known without reading the samples.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -76,13 +76,24 @@ impl Row for TallyRow {
     }
 }
 
+/// A row of the table as it is read.
+struct Stored {
+    stream: StreamKey,
+    samples: u64,
+    last_sample: u64,
+    failed: u64,
+    digest: SamplesDigest,
+    seal: i64,
+}
+
 /// The tallies of streams.
 pub(crate) async fn all(
     connection: &mut Connection<'_>,
     streams: Streams,
 ) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
     let (first, last) = streams.keys();
-    let query = sqlx::query!(
+    let query = sqlx::query_as!(
+        Stored,
         r#"SELECT stream AS "stream: StreamKey", samples AS "samples: u64",
                   last_sample AS "last_sample: u64", failed AS "failed: u64",
                   digest AS "digest: SamplesDigest", seal
@@ -91,6 +102,31 @@ pub(crate) async fn all(
         last,
     );
     let rows = connection.all(query).await?;
+    checked(connection, rows)
+}
+
+/// The tallies of those of these streams that have samples.
+pub(crate) async fn of(
+    connection: &mut Connection<'_>,
+    streams: impl IntoIterator<Item = StreamId>,
+) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
+    let streams = list(streams.into_iter().map(key));
+    let query = sqlx::query_as!(
+        Stored,
+        r#"SELECT stream AS "stream: StreamKey", samples AS "samples: u64",
+                  last_sample AS "last_sample: u64", failed AS "failed: u64",
+                  digest AS "digest: SamplesDigest", seal
+           FROM sample_tally WHERE stream IN (SELECT value FROM json_each(?))"#,
+        streams,
+    );
+    let rows = connection.all(query).await?;
+    checked(connection, rows)
+}
+
+fn checked(
+    connection: &Connection<'_>,
+    rows: Vec<Stored>,
+) -> Result<BTreeMap<StreamId, SampleTally>, Error> {
     rows.into_iter()
         .map(|row| {
             let tally = SampleTally {
@@ -104,15 +140,6 @@ pub(crate) async fn all(
             Ok((checked.stream, checked.tally))
         })
         .collect()
-}
-
-/// The tally of a stream; `None` if it has no samples.
-pub(crate) async fn one(
-    connection: &mut Connection<'_>,
-    stream: StreamId,
-) -> Result<Option<SampleTally>, Error> {
-    let mut tallies = all(connection, Streams::One(stream)).await?;
-    Ok(tallies.remove(&stream))
 }
 
 /// Stores tallies of streams, in the transaction that stores their samples.

@@ -55,6 +55,12 @@ pub(crate) fn key(stream: StreamId) -> i64 {
     stream.key().cast_signed()
 }
 
+/// Integers for `IN (SELECT value FROM json_each(?))`: one statement for many rows.
+pub(crate) fn list(numbers: impl IntoIterator<Item = i64>) -> String {
+    let numbers: Vec<String> = numbers.into_iter().map(|n| n.to_string()).collect();
+    format!("[{}]", numbers.join(","))
+}
+
 /// The value as SQLite returns it: -0.0 becomes 0.0.
 pub(crate) fn number(value: f64) -> f64 {
     value + 0.0
