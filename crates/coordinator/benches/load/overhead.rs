@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ledger::{Generation, Grant, LeaseId, StreamId, Unit};
+use problem::file::SimulatorKind;
 use problem::formulation::Problem;
 use problem::task::{Inputs, Source, compute};
 use problem::{Campaign, probe};
@@ -65,9 +66,9 @@ pub(super) async fn measure(samples: usize) -> anyhow::Result<()> {
     let exe = std::env::current_exe()?;
     let command = format!("exec {} simulate", exe.display());
     let slow = samples / 3;
-    let text = toml::to_string(&campaign((slow / PER_DESIGN) as u32, PER_DESIGN as u32)?)?
-        + "\n[simulator]\nkind = \"external\"\nprobe_designs = 0\n";
-    let external = Campaign::parse("external.toml", &text)?;
+    let mut external = campaign((slow / PER_DESIGN) as u32, PER_DESIGN as u32)?;
+    external.simulator.kind = SimulatorKind::External;
+    external.simulator.probe_designs = Some(0);
     let points = &points[..slow / PER_DESIGN];
     // Two slots that call the program directly, without coordinator and store.
     let before = cpu();
