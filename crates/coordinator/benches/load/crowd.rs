@@ -14,7 +14,8 @@ use runner::protocol::v1::{
 
 use super::{campaign, coordinator, link, wait_for_jobs};
 
-pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> {
+/// A crowd for some seconds. Each worker sends a heartbeat and finishes a job every `period` seconds.
+pub(super) async fn crowd(workers: usize, seconds: usize, period: usize) -> anyhow::Result<()> {
     let exe = std::env::current_exe()?;
     let folder = tempfile::tempdir_in(exe.parent().context("the program has a folder")?)?;
     // More work than the measurement can finish.
@@ -23,12 +24,20 @@ pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> 
     let digest = probe::model_digest(&problem);
     let (process, access) = coordinator(folder.path(), &campaign).await?;
     wait_for_jobs(&access, &digest).await?;
-    println!("{workers} workers at once, for {seconds} s");
+    println!(
+        "{workers} workers at once, for {seconds} s, each with a heartbeat and a job every {period} s"
+    );
+    let period = Duration::from_secs(period as u64);
     let until = tokio::time::Instant::now() + Duration::from_secs(seconds as u64);
     let mut crowd = tokio::task::JoinSet::new();
     for index in 0..workers {
         let (access, digest, problem) = (access.clone(), digest.clone(), Arc::clone(&problem));
-        crowd.spawn(member(index, access, digest, problem, until));
+        let rhythm = Rhythm {
+            first: period.mul_f64(index as f64 / workers as f64),
+            period,
+            until,
+        };
+        crowd.spawn(member(index, access, digest, problem, rhythm));
     }
     let mut waits = Vec::new();
     let (mut served, mut registered) = (0, Vec::new());
@@ -67,6 +76,14 @@ pub(super) async fn crowd(workers: usize, seconds: usize) -> anyhow::Result<()> 
     Ok(())
 }
 
+/// When a worker calls.
+struct Rhythm {
+    /// Wait before the first call, so that workers that start together do not call together.
+    first: Duration,
+    period: Duration,
+    until: tokio::time::Instant,
+}
+
 struct Member {
     registered: Duration,
     heartbeats: Vec<Duration>,
@@ -79,7 +96,11 @@ async fn member(
     access: PathBuf,
     digest: String,
     problem: Arc<Problem>,
-    until: tokio::time::Instant,
+    Rhythm {
+        first,
+        period,
+        until,
+    }: Rhythm,
 ) -> anyhow::Result<Member> {
     let worker_id = format!("member-{index}");
     let began = Instant::now();
@@ -96,6 +117,7 @@ async fn member(
     };
     let mut working = client.clone();
     let name = worker_id.clone();
+    tokio::time::sleep(first).await;
     let work = async {
         let mut jobs = 0;
         loop {
@@ -145,7 +167,7 @@ async fn member(
                     return anyhow::Ok(jobs);
                 }
                 // The time that the job would take on the slow machine.
-                tokio::time::sleep(Duration::from_secs(1)).await;
+                tokio::time::sleep(period).await;
             }
             if tokio::time::Instant::now() > until {
                 return Ok(jobs);
@@ -155,7 +177,7 @@ async fn member(
     let beat = async {
         let mut waits = Vec::new();
         loop {
-            tokio::time::sleep(Duration::from_secs(1)).await;
+            tokio::time::sleep(period).await;
             let request = HeartbeatRequest {
                 worker_id: worker_id.clone(),
                 held: Vec::new(),

@@ -6,8 +6,8 @@
 //! load overhead [SAMPLES]  the CPU time of a campaign's samples over gRPC and into the store, against
 //!                          the same samples in one process; with the built-in simulator, and with
 //!                          an external one that takes a millisecond per sample
-//! load crowd [WORKERS] [SECONDS]   simultaneously connected workers, with the coordinator in a
-//!                          separate process: its memory and response times
+//! load crowd [WORKERS] [SECONDS] [PERIOD]   simultaneously connected workers that call every so
+//!                          many seconds, with the coordinator in a separate process: its memory and response times
 //! load large [DESIGNS] [SAMPLES]   a large store: the time until status answers and leasing starts
 //! load waiting [WORKERS]   workers that wait for a job: the time until a free one is leased
 //! load busy [SECONDS]      16 slots of a program whose calls take so long, in a campaign with
@@ -78,7 +78,11 @@ fn main() -> anyhow::Result<()> {
     match what {
         Some("noop") => runtime.block_on(noop(number(1, 100_000)?)),
         Some("overhead") => runtime.block_on(overhead::measure(number(1, 90_000)?)),
-        Some("crowd") => runtime.block_on(crowd::crowd(number(1, 1000)?, number(2, 20)?)),
+        Some("crowd") => runtime.block_on(crowd::crowd(
+            number(1, 1000)?,
+            number(2, 20)?,
+            number(3, 1)?,
+        )),
         Some("large") => runtime.block_on(large(number(1, 100_000)?, number(2, 100)?)),
         Some("waiting") => runtime.block_on(waiting::waiting(number(1, 10_000)?)),
         Some("busy") => busy::busy(seconds(1)?),
