@@ -103,6 +103,18 @@ pub trait Runner {
     fn timed(&mut self, campaign: &Campaign, processors: usize) -> anyhow::Result<CampaignTimes>;
 }
 
+/// Number of samples of the built-in simulator: fewer where one takes long, as with coupled cells.
+fn of_built_in(size: Size, runner: &mut dyn Runner) -> anyhow::Result<u32> {
+    let (most, seconds) = size.pick((1_000_000, 10.0), (300_000, 3.0), (2_000, 1.0));
+    let trial = Load {
+        sleep: None,
+        workers: 1,
+        samples: 1000,
+    };
+    let alone = runner.samples(&trial)?.alone_seconds;
+    Ok(most.min((seconds / alone) as u32).max(trial.samples))
+}
+
 pub(crate) fn run(
     size: Size,
     runner: &mut dyn Runner,
@@ -115,7 +127,7 @@ pub(crate) fn run(
     );
     let counts: &[usize] = size.pick(&[1, 2, 4, 8, 16], &[1, 2, 8], &[1, 2]);
     let most_seconds = size.pick(3.0, 1.0, 0.1);
-    let built_in = size.pick(1_000_000, 300_000, 2_000);
+    let built_in = of_built_in(size, runner)?;
     let mut table = Table::new(&COLUMNS);
     for sleep in std::iter::once(None).chain(sleeps.iter().copied().map(Some)) {
         for &workers in counts {
@@ -202,15 +214,30 @@ mod tests {
     }
 
     /// A runner that records its calls.
-    struct Fake(Vec<Load>);
+    struct Fake {
+        loads: Vec<Load>,
+        alone_seconds: f64,
+    }
+
+    /// The loads of a study whose built-in samples take so long.
+    fn loads(size: Size, alone_seconds: f64) -> Vec<Load> {
+        let mut fake = Fake {
+            loads: Vec::new(),
+            alone_seconds,
+        };
+        let table = run(size, &mut fake, &mut |_| {}).unwrap();
+        // The first one tells how long a sample takes.
+        assert_eq!(table.rows.len() + 1, fake.loads.len());
+        fake.loads.split_off(1)
+    }
 
     impl Runner for Fake {
         fn samples(&mut self, load: &Load) -> anyhow::Result<RunnerTimes> {
-            self.0.push(*load);
+            self.loads.push(*load);
             Ok(RunnerTimes {
                 seconds: 1.0,
                 cpu_seconds: 1.0,
-                alone_seconds: 1e-6,
+                alone_seconds: self.alone_seconds,
             })
         }
 
@@ -225,10 +252,7 @@ mod tests {
 
     #[test]
     fn every_worker_has_two_samples_of_a_slow_program() {
-        let mut fake = Fake(Vec::new());
-        let table = run(Size::Full, &mut fake, &mut |_| {}).unwrap();
-        let loads = fake.0;
-        assert_eq!(table.rows.len(), loads.len());
+        let loads = loads(Size::Full, 1e-6);
         let slow = loads.iter().filter(|load| load.sleep == Some(10.0));
         assert!(
             slow.clone().count() == 5
@@ -241,5 +265,14 @@ mod tests {
             .filter_map(|load| Some(load.sleep? * f64::from(load.samples) / load.workers as f64))
             .sum();
         assert!(seconds < 200.0, "{seconds} s of sleep");
+    }
+
+    #[test]
+    fn fewer_samples_are_run_of_a_built_in_simulator_that_takes_long() {
+        for (alone_seconds, expected) in [(1e-6, 300_000), (1e-3, 3000), (10.0, 1000)] {
+            let loads = loads(Size::Quick, alone_seconds);
+            let mut built_in = loads.iter().filter(|load| load.sleep.is_none());
+            assert!(built_in.all(|load| load.samples == expected));
+        }
     }
 }
