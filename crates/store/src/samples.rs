@@ -52,6 +52,9 @@ pub(crate) async fn insert(
             }));
         }
     }
+    if offers.is_empty() {
+        return Ok(());
+    }
     // The sort is stable: a sample in two batches counts as new for the first.
     offers.sort_by_key(|offer| (offer.stream, offer.sample));
     let by_stream: Vec<&[Offer]> = offers.chunk_by(|a, b| a.stream == b.stream).collect();

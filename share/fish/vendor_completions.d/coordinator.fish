@@ -205,7 +205,7 @@ complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l stu
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l designs -d 'Number of designs to measure, for tests of the command' -r
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l log-format -d 'The format of the log' -r -f -a "text\t'Lines for people'
 json\t'One JSON object per line'"
-complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l quick -d 'Measure for two minutes instead of ten'
+complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l quick -d 'Measure for one to three minutes instead of ten'
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -l json -d 'Print the tables as one JSON object'
 complete -c coordinator -n "__fish_coordinator_using_subcommand tradeoff" -s h -l help -d 'Print help (see more with \'--help\')'
 complete -c coordinator -n "__fish_coordinator_using_subcommand simulate-cluster" -l workers -d 'Numbers of workers' -r

@@ -137,7 +137,7 @@ pub(crate) struct Tradeoff {
     /// optimisation, runner, cores, growth
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = study)]
     pub(crate) study: Vec<lab::tradeoff::Kind>,
-    /// Measure for two minutes instead of ten
+    /// Measure for one to three minutes instead of ten
     #[arg(long)]
     pub(crate) quick: bool,
     /// Number of designs to measure, for tests of the command

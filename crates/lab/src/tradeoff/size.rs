@@ -5,7 +5,7 @@
 pub enum Size {
     /// Reliable figures: ten minutes of CPU time for the paper's campaign.
     Full,
-    /// Rough figures: two minutes.
+    /// Rough figures: one to three minutes.
     Quick,
     /// About this many designs, for tests of the program.
     Designs(u32),
