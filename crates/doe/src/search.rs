@@ -145,6 +145,14 @@ impl Search {
     /// Tries to lower the energy of a random point by a swap in a random variable. A swap may add
     /// energy up to a uniform threshold below `slack`.
     pub(crate) fn repair(&mut self, slack: i64) {
+        Arch::new().dispatch(Repair {
+            search: self,
+            slack,
+        });
+    }
+
+    #[inline(always)]
+    fn try_swaps(&mut self, slack: i64) {
         let (n, d) = (self.table.points(), self.table.variables());
         let Some(last) = self.active.len().checked_sub(1) else {
             return;
@@ -196,19 +204,28 @@ impl Search {
 
     /// The least energy among a few random levels other than `from`, and its level. A level without
     /// energy ends the sampling.
+    #[inline(always)]
     fn sample_level(&mut self, near: &Neighbours, from: i64, n: usize) -> Option<(i64, i64)> {
-        let rng = &mut self.rng;
-        Arch::new().dispatch(LevelSampling {
-            near,
-            shift: self.shift,
-            from,
-            samples: SAMPLES.min(n.div_ceil(4)),
-            draw: || i64::from(rng.random_range(0..n as u32)),
-        })
+        let mut best: Option<(i64, i64)> = None;
+        for _ in 0..SAMPLES.min(n.div_ceil(4)) {
+            let level = i64::from(self.rng.random_range(0..n as u32));
+            if level == from {
+                continue;
+            }
+            let energy = energy_at(near, self.shift, level, NO_POINT);
+            if best.is_none_or(|(least, _)| energy < least) {
+                best = Some((energy, level));
+            }
+            if energy == 0 {
+                break;
+            }
+        }
+        best
     }
 
     /// Updates the energies for a move of `point` between two levels. Its distance to `except` is
     /// unchanged.
+    #[inline(always)]
     fn move_energy(&mut self, point: usize, near: &Neighbours, from: i64, to: i64, except: usize) {
         let mut total = 0;
         for (i, &other) in near.points.iter().enumerate() {
@@ -254,10 +271,11 @@ impl Search {
 }
 
 /// The energy of a pair whose squared distance is `left` below the squared radius: the square of
-/// `left`, scaled; positive as soon as `left` is.
+/// `left`, scaled; positive as soon as `left` is. The shift is of an unsigned number, since few vector units shift signed
+/// ones of 64 bits.
 #[inline(always)]
 fn pair_energy(left: i64, shift: u32) -> i64 {
-    let scaled = (left >> shift) + 1;
+    let scaled = (left.cast_unsigned() >> shift).cast_signed() + 1;
     if left > 0 { square(scaled) } else { 0 }
 }
 
@@ -281,36 +299,18 @@ fn energy_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
         .sum()
 }
 
-/// [`Search::sample_level`] for one instruction set. Energies are integers, so the result is the same
-/// for all.
-struct LevelSampling<'s, F> {
-    near: &'s Neighbours,
-    shift: u32,
-    from: i64,
-    samples: usize,
-    draw: F,
+/// [`Search::repair`] for one instruction set. Energies are integers, so the result is the same for all.
+struct Repair<'s> {
+    search: &'s mut Search,
+    slack: i64,
 }
 
-impl<F: FnMut() -> i64> WithSimd for LevelSampling<'_, F> {
-    type Output = Option<(i64, i64)>;
+impl WithSimd for Repair<'_> {
+    type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(mut self, _: S) -> Self::Output {
-        let mut best: Option<(i64, i64)> = None;
-        for _ in 0..self.samples {
-            let level = (self.draw)();
-            if level == self.from {
-                continue;
-            }
-            let energy = energy_at(self.near, self.shift, level, NO_POINT);
-            if best.is_none_or(|(least, _)| energy < least) {
-                best = Some((energy, level));
-            }
-            if energy == 0 {
-                break;
-            }
-        }
-        best
+    fn with_simd<S: Simd>(self, _: S) {
+        self.search.try_swaps(self.slack);
     }
 }
 
