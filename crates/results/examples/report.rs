@@ -1,7 +1,7 @@
 //! Writes a report of synthetic data, to look at: `report report.html [picture.svg]`.
 
 #[allow(dead_code, reason = "the tests use more of it")]
-#[path = "../tests/it/report/data.rs"]
+#[path = "../tests/it/report/data/mod.rs"]
 mod data;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use rand::RngExt as _;
 use rustix::process::Signal;
 
-use super::cluster::Process;
 use super::plan::{Purpose, random};
+use super::process::Process;
 use super::programs::{DB, Programs};
 use super::progress::Progress;
 use super::{Kind, Round, Violation};

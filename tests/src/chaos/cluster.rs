@@ -1,17 +1,17 @@
 //! A coordinator and its workers as processes to which faults are applied.
 
-use std::fs::File;
 use std::io::Write as _;
 use std::net::{SocketAddr, TcpStream};
 use std::os::unix::process::ExitStatusExt as _;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
+use std::process::ExitStatus;
+use std::time::Duration;
 
-use rustix::process::{Pid, Signal, kill_process};
+use rustix::process::Signal;
 
 use super::Violation;
 use super::plan::{Act, RELIEF, WORKERS, Who};
+use super::process::{FAREWELL, Process};
 use super::programs::{ACCESS, OUTAGE, Programs, ServeArguments};
 use super::proxy::{Fault, Proxy};
 use crate::free_address;
@@ -34,70 +34,11 @@ const UNREACHABLE: i32 = 11;
 const INCOMPLETE: i32 = 13;
 /// Exit code: the program was asked to leave, or drained.
 const INTERRUPTED: i32 = 14;
-/// Longer than a well-behaved process takes to end on request.
-const FAREWELL: Duration = Duration::from_secs(20);
 /// Shorter than a worker waits for a coordinator that does not answer.
 const ABSENCE: Duration = Duration::from_secs(25);
 
 /// Longer than the refusal of a coordinator takes.
 const PATIENCE: Duration = Duration::from_secs(10);
-
-/// A process that logs to the folder of its round. It is killed when it is dropped.
-pub(crate) struct Process {
-    child: Child,
-    name: String,
-    since: Instant,
-    stopped: bool,
-    /// Whether SIGTERM was sent to it.
-    is_asked: bool,
-}
-
-impl Process {
-    /// Starts a command that logs to a file in the round's folder.
-    pub(crate) fn start(
-        mut command: Command,
-        folder: &Path,
-        name: String,
-    ) -> Result<Self, Violation> {
-        let log = File::create(folder.join(format!("{name}.log")))
-            .map_err(|error| Violation(format!("no log: {error}")))?;
-        let child = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(log)
-            .spawn();
-        Ok(Self {
-            child: child.map_err(|error| Violation(format!("{name} does not start: {error}")))?,
-            name,
-            since: Instant::now(),
-            stopped: false,
-            is_asked: false,
-        })
-    }
-
-    /// The exit status, if the process has ended.
-    pub(crate) fn ended(&mut self) -> Result<Option<ExitStatus>, Violation> {
-        let name = &self.name;
-        let ended = self.child.try_wait();
-        ended.map_err(|error| Violation(format!("{name} cannot be waited for: {error}")))
-    }
-
-    /// Sends a signal.
-    pub(crate) fn signal(&self, signal: Signal) {
-        let id = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw);
-        if let Some(id) = id {
-            // The process has not been waited for, so the id is still its own.
-            let _ = kill_process(id, signal);
-        }
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 /// The campaign of a cluster and the programs that run it.
 #[derive(Debug, Clone)]
@@ -227,7 +168,10 @@ impl Cluster {
             .client(&setup.folder, self.address, &["retry"]);
         let name = format!("retry-{}", self.started);
         let mut process = Process::start(command, &setup.folder, name)?;
-        match ended_within(&mut process, FAREWELL).and_then(|status| status.code()) {
+        match process
+            .ended_within(FAREWELL)
+            .and_then(|status| status.code())
+        {
             Some(FINISHED) => Ok(true),
             Some(UNREACHABLE) | None => Ok(false),
             Some(code) => Err(self.unexpected(&process.name, &format!("code {code}"))),
@@ -262,7 +206,7 @@ impl Cluster {
                     process.is_asked = true;
                     process.signal(Signal::TERM);
                     process.signal(Signal::CONT);
-                    let status = wait(&mut process)?;
+                    let status = process.farewell()?;
                     // A process that has just been started may not handle the signal yet.
                     if status.signal() != Some(Signal::TERM.as_raw()) {
                         self.note_end(who, &process, status)?;
@@ -350,7 +294,7 @@ impl Cluster {
             return Ok(());
         };
         // A coordinator that was stopped before it locked the store has nothing to protect.
-        let has_lock = holds_a_lock(first.child.id());
+        let has_lock = first.holds_a_lock();
         let anywhere = SocketAddr::from(([127, 0, 0, 1], 0));
         let (programs, folder) = (&self.setup.programs, &self.setup.folder);
         let command = programs.coordinator(folder, INTRUDERS_ACCESS, self.serving([anywhere; 2]));
@@ -358,11 +302,11 @@ impl Cluster {
         let mut intruder = Process::start(command, folder, "intruder".to_owned())?;
         // The intruder may open the store before a coordinator that has just been started. Then
         // that one is refused instead, and the intruder ends when it is dropped.
-        let status = ended_within(&mut intruder, PATIENCE);
+        let status = intruder.ended_within(PATIENCE);
         drop(intruder);
         if status.is_none()
             && let Some(first) = &mut self.coordinator
-            && let Ok(Some(ended)) = first.child.try_wait()
+            && let Ok(Some(ended)) = first.ended()
             && ended.code() == Some(STORE_LOCKED)
         {
             self.coordinator.take();
@@ -406,7 +350,7 @@ impl Cluster {
         let all = (0..=RELIEF).map(Who::Worker).chain([Who::Coordinator]);
         for who in all {
             if let Some(process) = self.place(who)
-                && let Ok(Some(status)) = process.child.try_wait()
+                && let Ok(Some(status)) = process.ended()
                 && let Some(process) = self.place(who).take()
             {
                 self.note_end(who, &process, status)?;
@@ -418,7 +362,7 @@ impl Cluster {
         }
         let (mut over, mut open) = (Vec::new(), Vec::new());
         for mut client in std::mem::take(&mut self.clients) {
-            match client.child.try_wait() {
+            match client.ended() {
                 Ok(Some(status)) => over.push((client, status)),
                 _ => open.push(client),
             }
@@ -509,38 +453,4 @@ impl Cluster {
         }
         Ok(())
     }
-}
-
-/// Whether a process holds a lock on any file.
-fn holds_a_lock(id: u32) -> bool {
-    // Lines such as "1: FLOCK  ADVISORY  WRITE 4711 08:02:1234 0 EOF". A waiting process has an
-    // arrow.
-    let locks = std::fs::read_to_string("/proc/locks").unwrap_or_default();
-    let is_its = |line: &str| {
-        let fields: Vec<&str> = line.split_whitespace().collect();
-        fields.get(1) != Some(&"->") && fields.get(4) == Some(&id.to_string().as_str())
-    };
-    locks.lines().any(is_its)
-}
-
-fn ended_within(process: &mut Process, patience: Duration) -> Option<ExitStatus> {
-    let since = Instant::now();
-    while since.elapsed() < patience {
-        if let Ok(Some(status)) = process.child.try_wait() {
-            return Some(status);
-        }
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    None
-}
-
-fn wait(process: &mut Process) -> Result<ExitStatus, Violation> {
-    if let Some(status) = ended_within(process, FAREWELL) {
-        return Ok(status);
-    }
-    let seconds = FAREWELL.as_secs();
-    let name = &process.name;
-    Err(Violation(format!(
-        "{name} did not end within {seconds} s of SIGTERM"
-    )))
 }

@@ -7,6 +7,7 @@ mod kinds;
 mod outcome;
 mod parts;
 mod plan;
+mod process;
 mod programs;
 mod progress;
 mod proxy;

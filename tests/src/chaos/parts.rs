@@ -8,8 +8,8 @@ use rand::RngExt as _;
 use rand::rngs::ChaCha8Rng;
 use rustix::process::Signal;
 
-use super::cluster::Process;
 use super::plan::{Purpose, random};
+use super::process::Process;
 use super::programs::{DB, Programs};
 use super::progress::Progress;
 use super::{Kind, Round, Violation};

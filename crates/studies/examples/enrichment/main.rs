@@ -24,14 +24,16 @@
 
 #![expect(clippy::print_stdout, reason = "an example's output is its purpose")]
 
+mod campaign;
+mod table;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use cmaes::Bounds;
 use enrich::{
     Criterion, Decision, ExactCriteria, Infill, Options, RoundRecord, SampledDesign, State, decide,
 };
-use kriging::{Data, Noise, Surrogate};
-use problem::Campaign;
+use kriging::{Data, Surrogate};
 use problem::formulation::gears::Gears;
 use problem::formulation::{Approach, Design, Problem};
 use problem::optimise;
@@ -39,6 +41,9 @@ use problem::task::VERIFICATION;
 use rustix::time::{ClockId, clock_gettime};
 use stats::streams::{Purpose, stream};
 use studies::direct::{self, Search, Start};
+
+use campaign::campaign_of;
+use table::table;
 
 /// Number of designs of the DoE.
 const DESIGNS: usize = 600;
@@ -424,59 +429,6 @@ fn searched(problem: &Problem, seed: u64) -> Option<Row> {
     })
 }
 
-/// The tooth model with this name.
-fn named(name: &str) -> gear::ToothModel {
-    let mut models = gear::ToothModel::ALL.iter();
-    let named = models.find(|model| model.to_string() == name);
-    *named.expect("--tooth-model takes a name")
-}
-
-/// The campaign of the command line: that of a file, with other teeth, torque and tooth model if
-/// requested.
-fn campaign_of(file: &str, value: impl Fn(&str) -> Option<String>) -> Campaign {
-    let text = std::fs::read_to_string(file).expect("--campaign takes a campaign file");
-    let mut campaign = Campaign::parse(file, &text).expect("a campaign file");
-    let mut pinion = campaign.gears().expect("a gear campaign").pair.pinion_teeth;
-    if let Some(teeth) = value("--teeth") {
-        let both = teeth.split_once(',').expect("--teeth takes PINION,MATE");
-        let number = |text: &str| text.parse::<u32>().expect("--teeth takes two numbers");
-        pinion = number(both.0);
-        campaign
-            .gears_mut()
-            .expect("a gear campaign")
-            .pair
-            .gear_teeth = Some(number(both.1));
-        campaign
-            .gears_mut()
-            .expect("a gear campaign")
-            .pair
-            .gear_ratio = None;
-    }
-    if let Some(torque) = value("--torque") {
-        campaign
-            .gears_mut()
-            .expect("a gear campaign")
-            .load
-            .pinion_torque_nm = torque.parse().expect("--torque takes a number");
-    }
-    if let Some(model) = value("--tooth-model") {
-        campaign
-            .gears_mut()
-            .expect("a gear campaign")
-            .pair
-            .tooth_model = named(&model);
-    }
-    match value("--noise").as_deref() {
-        None => {}
-        Some("own") => campaign.kriging.noise = Some(Noise::Own),
-        Some("smoothed") => campaign.kriging.noise = Some(Noise::Smoothed),
-        Some(_) => panic!("--noise takes own or smoothed"),
-    }
-    // This validates the other values, too.
-    let checked = campaign.with_pinion_teeth(file, pinion);
-    checked.expect("a proper campaign").0
-}
-
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
     let value = |name: &str| {
@@ -519,63 +471,4 @@ fn main() {
         printed = rows.len();
     }
     table(&rows, &criterion.to_string());
-}
-
-fn table(rows: &[Row], enriched: &str) {
-    println!(
-        "\n| seed | method | P90, µm | 95 % interval | predicted, µm | worn calls | plain calls | CPU, s | s at 2 s a call |"
-    );
-    println!("|---:|---|---:|---|---|---:|---:|---:|---:|");
-    for row in rows {
-        let predicted = row.predicted.map_or("–".to_owned(), |(mean, low, high)| {
-            format!("{mean:.3} [{low:.3}, {high:.3}]")
-        });
-        let slow = row.cpu + PAPER_SECONDS * (row.worn + row.plain) as f64;
-        println!(
-            "| {} | {} | {:.3} | [{:.3}, {:.3}] | {predicted} | {} | {} | {:.1} | {slow:.0} |",
-            row.seed,
-            row.method,
-            row.p90,
-            row.interval.0,
-            row.interval.1,
-            row.worn,
-            row.plain,
-            row.cpu
-        );
-    }
-    let ours: Vec<&Row> = rows.iter().filter(|row| row.method == enriched).collect();
-    let papers = [
-        Approach::Nominal,
-        Approach::Baseline,
-        Approach::Kriging,
-        Approach::BestOfDoe,
-    ]
-    .map(Approach::name);
-    let wins = ours.iter().filter(|our| {
-        let mut others = rows
-            .iter()
-            .filter(|row| row.seed == our.seed && papers.contains(&row.method.as_str()));
-        others.all(|other| our.p90 < other.p90)
-    });
-    let holds = ours.iter().filter(|our| {
-        let (low, high) = our.interval;
-        our.predicted
-            .is_some_and(|(mean, _, _)| (low..=high).contains(&mean))
-    });
-    // Both the model's prediction and the verification are uncertain.
-    let agrees = ours.iter().filter(|our| {
-        our.predicted.is_some_and(|(mean, low, high)| {
-            let verified = 0.5 * (our.interval.1 - our.interval.0);
-            (our.p90 - mean).abs() <= verified.hypot(0.5 * (high - low))
-        })
-    });
-    println!(
-        "\nEnrichment has the lowest P90 of all approaches of the paper in {} of {} seeds. The prediction \
-         lies in the 95 % interval of the verified P90 in {}; the two agree within the 95 % interval of \
-         their difference in {}.",
-        wins.count(),
-        ours.len(),
-        holds.count(),
-        agrees.count(),
-    );
 }
