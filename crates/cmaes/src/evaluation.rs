@@ -67,7 +67,7 @@ impl Evaluation {
         }
     }
 
-    /// Magnitude of the quantity that ranks the evaluation, 0 of a failed one.
+    /// Magnitude of the quantity that ranks the evaluation; 0 if the evaluation has failed.
     pub(crate) fn magnitude(&self) -> f64 {
         self.key().1.abs()
     }

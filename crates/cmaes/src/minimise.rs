@@ -6,11 +6,11 @@ use crate::{Error, Evaluation, Outcome, Run, RunOptions};
 
 /// Minimises `objective` over the box, from `start`, and returns the best design it evaluated.
 ///
-/// The objective returns an `f64`, or an [`Evaluation`] with a violation, which ranks feasibility
-/// first; NaN and +∞ mark designs that cannot be evaluated. The objective is called in a fixed
-/// order, exactly [`RunOptions::evaluations`] times; if the last generation does not fit into the
-/// budget, only its first candidates are evaluated. The start point is the first mean, and not
-/// itself evaluated.
+/// The objective returns an `f64`, or an [`Evaluation`] with a violation, which ranks feasibility first; NaN and +∞
+/// mark designs that cannot be evaluated. The objective is called in a fixed order, at most
+/// [`RunOptions::evaluations`] times: fewer only if a restart gains less than [`RunOptions::tolerance`]. If the last
+/// generation does not fit into the budget, only its first candidates are evaluated. The start point is the first
+/// mean and is not evaluated itself.
 ///
 /// # Errors
 ///

@@ -13,8 +13,8 @@ pub struct Options {
     pub step: f64,
     /// The box that no candidate leaves.
     pub bounds: Bounds,
-    /// Number of values of each variable that the caller rounds to as many equal cells of its interval; 0 for a
-    /// continuous one. Empty if all are continuous.
+    /// Number of values of each discrete variable: the caller divides the variable's interval into as many equal
+    /// cells and rounds to one value per cell. 0 for a continuous variable; empty if all are continuous.
     pub cells: Vec<usize>,
     /// Whether the worst candidates reduce the variance in their direction (negative weights, the
     /// tutorial's default) or are ignored.

@@ -33,14 +33,15 @@ pub struct RunOptions {
     pub search: Options,
     /// Budget of the run, restarts included.
     pub evaluations: usize,
-    /// Change of the best value, relative to it, that is not worth more evaluations. With [`Restarts::FromBest`] a search
-    /// also stops when the values of its window differ by less, and the run ends when a restart has gained less.
-    /// 0: all of the budget is used.
+    /// Smallest relative change of the best value that is worth more evaluations. With [`Restarts::FromBest`] a
+    /// search also stops when the values of its window differ by less, and the run ends when a restart gains less.
+    /// With 0 the run uses the whole budget. Other kinds of restart ignore the tolerance.
     pub tolerance: f64,
     /// The restarts after a search has stopped.
     pub restarts: Restarts,
-    /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts in any case, at the end of that
-    /// generation, as the gear paper plans it. There is no such restart if the number is not below the budget.
+    /// Number of evaluations after which a run with [`Restarts::FromBest`] restarts at the end of the generation,
+    /// even if the search has not stopped (the gear paper plans this restart). A number that is 0 or not below the
+    /// budget has no effect.
     pub restart_at: Option<usize>,
 }
 

@@ -75,7 +75,7 @@ impl fmt::Display for Stop {
 pub(crate) struct Window {
     bests: VecDeque<Evaluation>,
     length: usize,
-    /// Largest minus smallest value of a full window and the last generation.
+    /// Largest minus smallest value among the `bests` of a full window and the candidates of the last generation.
     spread: Option<f64>,
 }
 
@@ -90,8 +90,8 @@ impl Window {
         }
     }
 
-    /// Largest minus smallest value of the window and the last generation; `None` until the window is full, or when
-    /// all of it failed.
+    /// Largest minus smallest value among the bests of the window and the candidates of the last generation; `None`
+    /// until the window is full, or if all of these failed.
     pub(crate) fn spread(&self) -> Option<f64> {
         self.spread
     }
@@ -112,7 +112,7 @@ impl Window {
         if self.bests.iter().all(|best| !best.is_usable()) {
             return Some(Stop::AllFailed { generations });
         }
-        // The gap between the lowest and the highest bounds that of every pair.
+        // No two values differ by more than the lowest and the highest.
         let lowest = self
             .bests
             .iter()

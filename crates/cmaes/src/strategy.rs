@@ -171,8 +171,8 @@ impl CmaEs {
         self.stop
     }
 
-    /// Largest minus smallest value of the last generation and of the bests of the generations before it, as many as
-    /// [`Options::value_tolerance`] is for; `None` until there are so many, or when all of them failed.
+    /// Largest minus smallest value among the candidates of the last generation and the best candidates of the
+    /// generations in the window; `None` until the window is full, or if all of these failed.
     pub(crate) fn spread(&self) -> Option<f64> {
         self.window.spread()
     }

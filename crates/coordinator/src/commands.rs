@@ -271,7 +271,7 @@ fn out_folder(out: Option<PathBuf>, campaign: &Campaign) -> PathBuf {
     out.unwrap_or_else(|| PathBuf::from(format!("{}-report", campaign.name)))
 }
 
-/// Refuses a folder with the report of another campaign than this one and the one in the store.
+/// Refuses the report folder if it holds the report of a campaign other than this one and the one in the store.
 async fn require_own_report(
     out: &Path,
     campaign: &Campaign,
@@ -289,7 +289,7 @@ async fn require_own_report(
     Ok(OutputFolder(out).require_own_report(&lineages)?)
 }
 
-/// The folder of a finished campaign's report has that of another campaign, which finished first.
+/// All results are stored, but another campaign has written its report into the folder in the meantime.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "all results are in {}, but the report is not written: start the same command again with another \
@@ -307,7 +307,7 @@ impl HasExitCode for ReportPlaceTaken {
     }
 }
 
-/// Refuses the folder of a report that another campaign has written since this one began.
+/// Refuses the report folder if another campaign has written its report there since this one began.
 fn check_out(plan: &Plan) -> Result<(), ProgramError> {
     let own = OutputFolder(&plan.out).require_own_report(&[plan.campaign.lineage()]);
     Ok(own.map_err(|source| ReportPlaceTaken {

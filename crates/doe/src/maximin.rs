@@ -46,24 +46,23 @@ impl Default for Options {
 /// A Latin hypercube of `n` points in `d` variables with a large smallest distance. The points are
 /// in random order.
 ///
-/// The usual surrogate Σ 1/δᵖ over all distances δ orders designs by their smallest distance only
-/// from p ≈ 40 on, and then only the nearest pairs count. This search leaves the others out: for a
-/// radius r, each pair with δ < r has the potential energy (1 − δ²/r²)², and
-/// a design without energy has a minimum distance of at least r. Levels are integers, so squared
-/// distances and energies are exact.
+/// The usual surrogate Σ 1/δᵖ over all distances δ ranks designs by their smallest distance only if p is about 40 or
+/// more, and then only the nearest pairs count. This search leaves the other pairs out: for a radius r, each pair
+/// with δ < r has the potential energy (1 − δ²/r²)², and a design without energy has a minimum distance of at least
+/// r. Levels and scaled energies are integers, so distances are exact and sums of energies have no rounding errors.
 ///
-/// A step takes a point with energy, one variable, and the best of a few random levels for it. It
-/// swaps with the point that has this level if the total energy does not grow. Three phases spend
-/// the budget:
+/// A step takes a point with energy, one variable, and the best of a few random levels. The point exchanges levels
+/// with the point at that level if the total energy does not grow; otherwise a few other levels are tried. Three
+/// phases spend the budget:
 ///
 /// 1. ratchet: raise r a little whenever no energy is left, or half as far when some was left;
 /// 2. annealing: at a radius slightly out of reach, accept swaps that add energy up to a random
 ///    threshold, which falls to zero;
 /// 3. ratchet again, in ever smaller steps down to the last unit of δ².
 ///
-/// When the last ratchet gets stuck before the budget is spent, as it does for small designs,
-/// phases 2 and 3 are repeated, nearer to the radius reached and with a higher threshold. They
-/// alternate with phase 1 from a new random design.
+/// When the last ratchet gets stuck before the budget is spent, as it does for small designs, the search repeats
+/// phases 2 and 3, nearer to the radius reached and with a higher threshold, in turn with phase 1 from a new random
+/// design.
 ///
 /// The best design without energy is kept throughout, so the result is never worse than the random
 /// start. No upper bound is tight enough to prove it best, except for tiny designs, where the mean

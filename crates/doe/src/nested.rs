@@ -6,11 +6,10 @@
 //! share a stratum; more strata are then free than there are new points, and each new point still
 //! gets one of its own.
 //!
-//! A search decides which new point takes which stratum, so that all points are far apart. It is
-//! that of [`crate::maximin`] in a simpler form: at a distance r, each pair of points nearer than r
-//! has the potential energy (1 − δ²/r²)². Swaps of two new points'
-//! coordinates in one variable, or of one with a free stratum that is left over, are made if they
-//! do not raise the energy. When no energy is left, r is raised.
+//! A search decides which new point takes which stratum, so that all points are far apart. It is a simpler form of
+//! the search of [`crate::maximin`]: at a distance r, each pair of points nearer than r has the potential energy
+//! (1 − δ²/r²)². In one variable, two new points swap coordinates, or one new point swaps with an unused stratum, if
+//! that does not raise the energy. When no energy is left, r is raised.
 
 use rand::RngExt as _;
 use stats::streams::{Purpose, StreamRng, stream};
@@ -145,7 +144,8 @@ impl Growth {
         }
     }
 
-    /// Swaps coordinates until the budget is spent; returns the design of the largest radius reached.
+    /// Swaps coordinates until the budget is spent or the smallest rise of the radius fails. Returns the design of
+    /// the largest radius reached.
     fn spread(mut self, effort: f64) -> Design {
         let (n, d, new) = (self.design.n, self.design.d, self.energy.len());
         let swaps = SWAPS * d as f64 * (new as f64 + 100.0);
@@ -210,7 +210,7 @@ impl Growth {
         if left > 0.0 { left * left } else { 0.0 }
     }
 
-    /// A new point with energy: the first one from a random index on.
+    /// Returns the first new point with energy, counted from a random index.
     fn point_with_energy(&mut self) -> Option<usize> {
         let new = self.energy.len();
         let start = self.rng.random_range(0..new as u32) as usize;

@@ -29,7 +29,8 @@ pub(crate) struct Search {
     table: Table,
     rng: StreamRng,
     squared_radius: i64,
-    /// Bits by which squared distances are shifted to fit 20, so that sums of their squares fit 64.
+    /// Number of bits by which differences of squared distances are shifted right: they then fit 20 bits, and sums of
+    /// their squares fit 64.
     shift: u32,
     energy: Vec<i64>,
     active: Vec<u32>,
@@ -270,9 +271,8 @@ impl Search {
     }
 }
 
-/// The energy of a pair whose squared distance is `left` below the squared radius: the square of
-/// `left`, scaled; positive as soon as `left` is. The shift is of an unsigned number, since few vector units shift signed
-/// ones of 64 bits.
+/// The energy of a pair whose squared distance is `left` below the squared radius: the square of `left`, scaled; zero
+/// unless `left` is positive. The shift is unsigned because few vector units shift signed 64-bit integers.
 #[inline(always)]
 fn pair_energy(left: i64, shift: u32) -> i64 {
     let scaled = (left.cast_unsigned() >> shift).cast_signed() + 1;
@@ -286,8 +286,8 @@ fn square(number: i64) -> i64 {
     number * number
 }
 
-/// The energy of a point with these neighbours at `level` of the missing variable, leaving out the
-/// pair with the point `except`.
+/// The energy of a point with these neighbours if it were at `level` of the left-out variable, without the pair with
+/// the point `except`.
 #[inline(always)]
 fn energy_at(near: &Neighbours, shift: u32, level: i64, except: usize) -> i64 {
     let others = near.points.iter().zip(near.left.iter().zip(&near.levels));

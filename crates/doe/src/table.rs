@@ -10,14 +10,14 @@ const BLOCK: usize = 64;
 /// less than 22 · 2⁻²⁴ ≈ 1.3e-6; points that pass are checked in integers.
 const SLACK: f32 = 1.0 + 1e-5;
 
-/// The points near another one in all variables but one.
+/// The points that are nearer to a given point than the radius if one variable is left out.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Neighbours {
-    /// The other points.
+    /// Indices of the points.
     pub(crate) points: Vec<usize>,
-    /// The rest of the squared radius for the missing variable: r² − Σ (differences)² > 0.
+    /// Part of the squared radius that remains for the left-out variable: r² − Σ (differences)² > 0.
     pub(crate) left: Vec<i64>,
-    /// Their levels in the missing variable.
+    /// Levels of the points in the left-out variable.
     pub(crate) levels: Vec<i64>,
 }
 

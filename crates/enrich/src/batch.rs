@@ -10,7 +10,7 @@ use crate::{Error, Infill, Note, Reason};
 /// The observations that a round asks for.
 pub(crate) struct Batch {
     pub(crate) infill: Vec<Infill>,
-    /// Samples left in the budget after them.
+    /// Number of samples left in the budget after these observations.
     pub(crate) left: u32,
     pub(crate) notes: Vec<Note>,
 }
@@ -55,7 +55,7 @@ impl Batch {
             if is_settled || expectation.was_consulted(region) {
                 continue;
             }
-            // Lower numbers of streams belong to the turns and to space filling.
+            // The random streams with lower numbers belong to the turns and to space filling.
             let offer = Offer::find(context, regions.get(region), 3 * options.batch + region)?;
             expectation.record(region, offer.value());
             if observations < options.batch && self.take(context, &mut regions, region, offer) {

@@ -8,7 +8,7 @@ use crate::simulability::SimulabilityModel;
 use crate::state::Rows;
 use crate::{ExactCriteria, Options};
 
-/// Number of the enrichment's random streams among those of the optimisers.
+/// Index of the enrichment among the random streams of [`Purpose::Optimise`].
 const STREAM: u64 = 5;
 /// Distance between two designs, as a share of every range, below which they are the same.
 const SAME: f64 = 1e-6;

@@ -19,13 +19,13 @@ use crate::{Decision, Error, ExactCriteria, Note, Options, State};
 /// response if there is one. It returns `None` if the design cannot be evaluated. No surrogate
 /// stands in for it. It is called from several threads (rayon's).
 ///
-/// **Models.** One model is fitted to all designs. Another one is fitted around each of the
-/// [`Options::basins`] best designs that are at least 15 % of a range apart, to the
-/// [`Options::local_points`] nearest designs; it replaces the first one there if its leave-one-out
-/// residuals are smaller. Every model is fitted on each scale that the responses allow: to the
-/// response itself, to its logarithm if all responses are positive, and to the response above its baseline if there are
-/// baselines. The one with the smaller residuals recommends a design; each has a basin of its own to search. The box is
-/// searched with the one that predicts left-out responses with the highest density.
+/// **Models.** One model is fitted to all designs. Another one is fitted around each of the [`Options::basins`] best
+/// designs that are at least 15 % of a range apart, to the [`Options::local_points`] nearest designs; it replaces the
+/// first one there if its leave-one-out residuals are smaller. Every model is fitted on each scale that the responses
+/// allow: the response itself, its logarithm if all responses are positive, and its difference from the baseline if
+/// there are baselines. In each basin the model of every scale is a region of its own to search; the one with the
+/// smallest residuals recommends a design. The whole box is searched with the model that predicts left-out responses
+/// with the highest density.
 ///
 /// **Regions.** Infill points are sought in the basins' trust regions in turn, boxes around the
 /// [`Options::region_points`] nearest designs, which shrink as designs gather. Every

@@ -35,8 +35,8 @@ fn random_design<R: Rng + ?Sized>(context: &Context<'_>, rng: &mut R) -> Vec<f64
     context.rounded(&x.collect::<Vec<_>>())
 }
 
-/// The random feasible design that is farthest from the nearest other one, among those that can
-/// probably be simulated.
+/// The random feasible design with the largest distance to the nearest other one, weighted by the probability that it
+/// can be simulated.
 fn far_from_others<R>(context: &Context<'_>, batch: &Batch, rng: &mut R) -> Option<Vec<f64>>
 where
     R: Rng + ?Sized,

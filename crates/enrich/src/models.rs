@@ -91,7 +91,7 @@ impl Regions {
         self.basins.get(region).unwrap_or(&self.whole)
     }
 
-    /// Updates every model as if `samples` samples at `x` had given its own prediction.
+    /// Updates every model as if `samples` samples at `x` had confirmed the model's own prediction.
     pub(crate) fn believe(&mut self, x: &[f64], samples: u32) {
         let regions = self.basins.par_iter_mut().chain([&mut self.whole]);
         regions.for_each(|region| {

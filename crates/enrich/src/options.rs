@@ -78,7 +78,7 @@ pub struct Options {
     pub samples_left: u32,
     /// The most rounds.
     pub rounds: usize,
-    /// δ of the stopping rule.
+    /// δ of the stopping rule, in the unit of the response.
     pub delta_um: f64,
     /// β of the quantiles by which designs are compared, as a standard normal deviate: 1.28 for
     /// 90 %.
@@ -99,10 +99,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// Knowledge gradient, batches of 12, 30 samples for a new design and for more samples at an old one, δ = 0.02, 80
-    /// % quantiles, every third point global, three basins with models of 30 d designs and regions of 5 d, searches
-    /// of 300 d evaluations, and five starts of each fit. Chosen on seven test functions of 2 to 8 variables, four of
-    /// which are in the table of `docs/enrichment.md`.
+    /// Defaults: knowledge gradient, batches of 12, 30 samples for a new design and for more samples at an old one,
+    /// δ = 0.02, quantiles of 80 %, every third point global, three basins with models of 30 d designs and regions
+    /// of 5 d, searches of 300 d evaluations, and five starts of each fit. They were chosen on seven test functions
+    /// of 2 to 8 variables; the table of `docs/enrichment.md` has four of them.
     #[must_use]
     pub fn new(bounds: Bounds) -> Self {
         let d = bounds.dimension();

@@ -104,7 +104,7 @@ where
             ..cmaes::Options::new(within)
         },
         evaluations: (options.search_evaluations - options.search_evaluations / 4).max(1),
-        // Beside `LIFT` all differences are small.
+        // Near `LIFT` all relative differences are tiny, so a tolerance would end the run too early.
         tolerance: 0.0,
         restarts: Restarts::FromBest,
         restart_at: None,

@@ -10,8 +10,8 @@ use kriging::{Data, FitOptions, Model};
 use crate::Options;
 use crate::state::Rows;
 
-/// Variance of the indicator's noise. A step is no realisation of a smooth process: without the noise the
-/// range that fits the designs on both sides of it is so short that nothing is learned between them.
+/// Variance of the indicator's noise. A step is no realisation of a smooth process: without the noise, the range that
+/// fits the designs on both sides of the step is too short for the model to learn anything between them.
 const NOISE: f64 = 0.01;
 
 /// The probability that a design can be simulated.

@@ -34,8 +34,8 @@ pub struct ExactCriteria {
     /// output from a complex computer code when fast approximations are available*, Biometrika 87 (2000)
     /// 1–13, with the factor 1).
     pub baseline: f64,
-    /// A factor of the value of a new design, such as the probability that it keeps the constraints that are known from
-    /// samples only; 1 without any.
+    /// Factor by which the value of a new design is multiplied, such as the probability that it keeps the constraints
+    /// that only samples show; 1 if there are none.
     pub holds: f64,
 }
 

@@ -78,7 +78,7 @@ impl Surrogate {
         self.scale == Scale::Logarithm
     }
 
-    /// Whether both model the response on the same scale.
+    /// Whether this model and the other one have the same scale.
     pub(crate) fn has_scale_of(&self, other: &Self) -> bool {
         self.scale == other.scale
     }
@@ -163,7 +163,8 @@ impl Surrogate {
         self.mean(x) + self.shift(baseline)
     }
 
-    /// The constant between the modelled mean and the response's.
+    /// The constant that turns the fitted mean into that of the response or its logarithm: the baseline for a model
+    /// above it, otherwise 0.
     pub(crate) fn shift(&self, baseline: f64) -> f64 {
         match self.scale {
             Scale::AboveBaseline => baseline,
@@ -235,7 +236,7 @@ impl Surrogate {
         })
     }
 
-    /// The logarithm of the density with which the model predicts each response from the others, in the mean.
+    /// Mean log density of the responses under the leave-one-out predictions, up to a constant.
     fn log_density(&self, rows: &Rows) -> f64 {
         let left_out = self.model.leave_one_out();
         let mut sum = 0.0;

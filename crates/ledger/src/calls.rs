@@ -170,10 +170,10 @@ impl<P: Clone> Ledger<P> {
 
     /// Grants a lease to a registered worker, or `None` if there is no work for it.
     ///
-    /// A stream that this worker just failed comes last, because a second attempt is worth more on another worker, and
-    /// is granted only after the worker has succeeded with a control. When nothing is free, a worker with an idle slot
-    /// gets a copy of a lease that another worker has held for long, in case that worker is slow. The first delivery
-    /// counts.
+    /// A stream that this worker has failed comes after others, because a second attempt is worth more on another
+    /// worker. The worker gets the stream only after it has succeeded with something else, if need be with a control.
+    /// When nothing is free, a worker with an idle slot gets a copy of a lease that another worker has held for long,
+    /// in case that worker is slow. The first delivery counts.
     pub fn lease(&mut self, worker: &WorkerId, now: Duration) -> Option<Grant<P>> {
         self.wake(now);
         self.hear(worker, now);
@@ -210,7 +210,8 @@ impl<P: Clone> Ledger<P> {
 
     /// Extends the leases that a worker holds and returns those that are no longer needed.
     ///
-    /// A lease that expired meanwhile is taken up again, unless other leases cover its samples.
+    /// A lease that expired meanwhile is taken up again if its samples are still needed. If another worker has got
+    /// them by then, the lease must have started, and no third lease may cover them.
     /// [`mark_crashed`](Self::mark_crashed) is undone.
     pub fn heartbeat(
         &mut self,
@@ -393,7 +394,8 @@ impl<P: Clone> Ledger<P> {
         self.stored(unit);
     }
 
-    /// Settles a stream that needs no samples any more, for the same reason.
+    /// Settles a stream that needs no samples any more: a failure is stored in its place, or its design gets no
+    /// samples.
     pub fn refuse(&mut self, stream: StreamId, generation: Generation) {
         let known = self.streams.get(&stream).map(|known| known.generation);
         if known == Some(generation) {

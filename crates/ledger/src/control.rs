@@ -10,8 +10,8 @@ use crate::ledger::Ledger;
 use crate::state::{Control, Lease};
 use crate::types::{Delivery, Grant, Kind, LeaseId, StreamId, Unit, WorkerId};
 
-/// The order in which units are preferred as controls. A design makes every request that a simulator can get, and its
-/// generation stays the same.
+/// The order in which units are preferred as controls. A design comes first: it makes every kind of request that a
+/// simulator can get, and its generation does not change.
 const fn preference(kind: Kind) -> u32 {
     match kind {
         Kind::Design => 0,
@@ -21,8 +21,9 @@ const fn preference(kind: Kind) -> u32 {
 }
 
 impl<P: Clone> Ledger<P> {
-    /// Sets the control: a unit that was computed before, which workers whose jobs fail get. The ledger also takes a
-    /// control from the delivered units. Only the first sample of the unit is used.
+    /// Offers a unit that was computed before as the control for workers whose jobs fail. It replaces the present
+    /// control only if its kind is preferred. The ledger also offers delivered units. Only the first sample of the
+    /// unit is used.
     pub fn set_control(&mut self, mut unit: Unit, source: P) {
         let rank = |unit: &Unit| preference(unit.stream.kind);
         let held = self.control.as_ref();

@@ -20,9 +20,9 @@ pub(crate) const UNKNOWN_SECONDS: f64 = 2.0;
 const PARTS_PER_SLOT: u64 = 3;
 /// Cost of computing a design's criteria, in samples of the built-in simulator.
 const DESIGN_WEIGHT: u64 = 20;
-/// The same in samples of a slow simulator, which is asked for the response in two states. With the weight
-/// of the built-in one, the first lease of one sample would make samples look cheap, and a few workers would
-/// get all designs.
+/// Cost of computing a design's criteria, in samples of a slow simulator, which is called for two states of a design.
+/// With the weight of the built-in simulator, the first lease of one sample would make samples look cheap, and a few
+/// workers would get all designs.
 const LONG_DESIGN_WEIGHT: u64 = 2;
 /// Maximum number of samples in a lease, whatever they cost: its results must pass even a slow
 /// connection before the call times out.
@@ -73,7 +73,7 @@ impl<P: Clone> Ledger<P> {
             };
             let count = range.len() as u64;
             let room = target.saturating_sub(weight + self.design_weight());
-            // Unless they are known, every lease of a design computes its criteria again, so a design is split only
+            // Every lease of a design computes its criteria again unless they are known, so a design is split only
             // when it is too large for one lease.
             let take = if units.is_empty() {
                 count.min(room.max(1))
@@ -97,9 +97,10 @@ impl<P: Clone> Ledger<P> {
         units
     }
 
-    /// The stream that a worker gets next. Streams that it has failed come after others. Isolated streams come last,
-    /// since the worker must first have delivered everything else. A design that another lease analyses comes after designs
-    /// that are analysed or on no lease. Streams that only another machine may compute, and those in doubt, are left out.
+    /// The stream that a worker gets next. Isolated streams come last, since the worker must first have delivered
+    /// everything else. Streams that the worker has failed come after others. With slow simulators, a design that
+    /// another lease is analysing comes after other designs. Streams that only another machine may compute, and those
+    /// in doubt, are left out.
     fn first_free(&self, worker: &WorkerId, now: Duration) -> Option<StreamId> {
         let state = self.workers.known.get(worker)?;
         let is_for_others = |id: &StreamId| {

@@ -278,8 +278,8 @@ impl<P: Clone> Ledger<P> {
         Some(lease)
     }
 
-    /// Ends those of these leases that are no longer needed, and removes from the others the units
-    /// that are not. A worker learns of an ended lease at its next heartbeat.
+    /// Ends the given leases of which nothing is needed any more, and removes the units that are not needed from the
+    /// others. A worker learns of an ended lease at its next heartbeat.
     pub(crate) fn prune(&mut self, leases: &[LeaseId]) {
         for &id in leases {
             let Some(lease) = self.leases.get(&id) else {

@@ -18,8 +18,9 @@ pub(crate) fn lease_for(workers: usize) -> Duration {
 /// The limits of a [`Ledger`](crate::Ledger).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Options {
-    /// Duration of a lease without a heartbeat. It should span several heartbeats, so that losing
-    /// one loses no work. Above 2500 workers it is longer: see [`HEARTBEATS_PER_LEASE`].
+    /// Duration of a lease without a heartbeat. It should span several heartbeats, so that losing one loses no work.
+    /// The ledger lengthens it if the heartbeats of all workers would exceed 500 per second: above 2500 workers with
+    /// the default of 30 s.
     pub lease: Duration,
     /// Crashes of different worker processes after which a stream is quarantined; at least 1.
     pub max_crashes: usize,

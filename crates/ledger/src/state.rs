@@ -14,7 +14,7 @@ pub(crate) struct Stream<P> {
     pub(crate) source: P,
     /// Samples that are not stored: disjoint, ascending.
     pub(crate) missing: Vec<Range<u32>>,
-    /// The part of `missing` that is on no lease.
+    /// The part of `missing` that is on no lease and does not wait after a failure of its own.
     pub(crate) free: Vec<Range<u32>>,
     /// The end of the samples ever wanted.
     pub(crate) end: u32,
@@ -52,7 +52,8 @@ pub(crate) struct FailedAttempts {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Quarantine {
     pub(crate) error: String,
-    /// Whether crashes were the reason. The crash of a worker that delivers late or calls again is taken back.
+    /// Whether crashes were the reason. Such a quarantine ends if one of the workers delivers late or calls again,
+    /// since its crash is then taken back.
     pub(crate) for_crashes: bool,
 }
 

@@ -224,7 +224,7 @@ pub struct StreamDemand<P> {
 pub struct Grant<P> {
     /// The id of the lease.
     pub lease: LeaseId,
-    /// The units to compute, each with the data that this takes.
+    /// The units to compute, each with the data that a worker needs for it.
     pub units: Vec<(Unit, P)>,
     /// Expected duration, in seconds.
     pub seconds: f64,
@@ -331,7 +331,7 @@ pub struct WorkerStatus {
     pub slots: usize,
     /// Leases that it holds.
     pub leased: usize,
-    /// Leases that it delivered.
+    /// Leases that it delivered with at least one result, controls included.
     pub delivered: u64,
     /// Failures that it reported.
     pub failed: u64,

@@ -2,12 +2,14 @@
 //!
 //! The program cannot evaluate the thousands of candidates of a round, so kriging models of the criteria replace it
 //! there: M. J. Sasena, P. Papalambros, P. Goovaerts, *Exploration of metamodeling sampling criteria for constrained
-//! global optimization*, Engineering Optimization 34 (2002). Rounds take in turn the probability that the constraints
-//! are kept and the models' means as constraints (`Caution`): the models become better about the constraints' edges,
-//! where they are uncertain. Each point that a round chooses is then evaluated by the program before it gets samples. A
-//! point that breaks a constraint gets none: its values refine the models of the next round. A recommended design is
-//! always one that was evaluated, so no model decides whether it is feasible. A problem without constraints is asked,
-//! too: the program may refuse a point, and the next rounds learn from that where points can be simulated.
+//! global optimization*, Engineering Optimization 34 (2002). Rounds are of two kinds (`Caution`), which alternate
+//! once a feasible design is known; before, all are of the first kind. The first kind weights candidates by the
+//! probability that they keep the constraints: its points lie near the edges of the feasible region and improve the
+//! models there, where they are uncertain. The second kind takes the models' means as the constraints. The program
+//! then evaluates each chosen point before the point gets samples. A point that breaks a constraint gets none: its
+//! values refine the models of the next round. A recommended design is always one that was evaluated, so no model
+//! decides whether it is feasible. The program is asked even in a problem without constraints: it may refuse a point,
+//! and the next rounds learn from that where points can be simulated.
 
 use std::sync::Arc;
 

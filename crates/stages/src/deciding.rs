@@ -97,7 +97,7 @@ impl Rows {
         new.filter_map(sentence).collect()
     }
 
-    /// The points that have no samples although their round is over.
+    /// The points that have no usable samples although their round is over.
     fn unsampled(&self, problem: &Problem) -> Vec<UnsampledPoint> {
         let unsampled = |row: &&InfillRow| !row.failed && !self.samples.contains_key(&row.infill);
         let points = self.infill.iter().filter(unsampled);
@@ -113,7 +113,7 @@ impl Rows {
             .collect()
     }
 
-    /// Marks the points that have no samples although their round is over.
+    /// Marks these points as failed, with their constraint violations.
     fn settle(&mut self, unsampled: &[UnsampledPoint]) {
         for one in unsampled {
             let row = &mut self.infill[one.infill as usize];
@@ -247,14 +247,15 @@ impl Rows {
             let of_entry = limited.bounds(problem, &entry.x, own);
             entry.violation += problem.limited_violation(&of_entry);
             if of_entry.len() < problem.limited().len() {
-                // Without an estimate nothing shows that the limits are kept.
+                // Without estimates, nothing shows that the limits are kept, so the design counts as infeasible.
                 entry.violation += 1.0;
             }
             bounds.insert(bits(&entry.x), of_entry);
         }
         let failed = self.infill.iter().filter(|row| row.has_failed());
         let failed = failed.map(|row| &row.x);
-        // The coordinator itself knows which gear pairs can be simulated.
+        // The coordinator can compute which gear pairs are simulable; only an external program's refusals have to be
+        // learned.
         let is_told = constraints::are_asked(problem);
         let refused = self
             .doe

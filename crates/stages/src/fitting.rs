@@ -227,7 +227,7 @@ fn fit_with(
         .noise
         .variances(&x, d, own.clone(), &samples, freedom, campaign.seed);
     let noise = match smoothed {
-        // If smoothing fails that the file does not ask for, the model is fitted without it.
+        // If smoothing fails and the file does not ask for it, the variances stay as they are.
         Err(_) if campaign.kriging.noise.is_none() => own,
         noise => noise?,
     };

@@ -167,8 +167,8 @@ pub fn next(problem: &Problem, inputs: &Inputs, state: &State) -> Next {
     }
 }
 
-/// The points that may be on the board. The samples of an optimum that is about to be chosen again are
-/// computed on, since the same design is chosen more often than not.
+/// The points that may be on the board. When an optimum is about to be chosen again, its samples continue, since the
+/// same design is usually chosen.
 fn points_to_keep<'a>(
     problem: &'a Problem,
     state: &'a State,

@@ -43,13 +43,14 @@ pub struct Outlier {
 /// The plausibility of the samples of the DoE.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Plausibility {
-    /// The scale of each response; `None` if all its samples are 0. Empty if no response has one.
+    /// The scale of each response; `None` if it has no samples or most of them are 0. Empty if no response has a
+    /// scale.
     pub scales: Vec<Option<Scale>>,
     /// The farthest sample of each response and design that has a doubtful one, in the order of the designs.
     pub outliers: Vec<Outlier>,
 }
 
-/// A design's samples of one response, as far as their plausibility depends on them.
+/// The statistics of a design's samples of one response from which plausibility is judged.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Summary {
     design: u64,
@@ -60,7 +61,8 @@ pub(crate) struct Summary {
 }
 
 impl Summary {
-    /// The summary of a design; the scale is that of the `first` samples. `None` if all have failed.
+    /// The summary of a design. Median and interquartile range are those of the `first` samples, the extremes those
+    /// of all samples. `None` if the first samples have all failed.
     pub(crate) fn of(design: u64, samples: &[f64], first: usize) -> Option<Self> {
         let finite = |count: usize| {
             let samples = (0..).zip(samples.iter().copied()).take(count);

@@ -29,7 +29,7 @@ pub enum Sufficiency {
     Wants {
         /// Number of samples needed.
         samples: usize,
-        /// Number of its samples from which a response can be computed meanwhile.
+        /// Number of its present samples from which a response can be computed in the meantime.
         at_least: usize,
     },
 }
@@ -56,8 +56,7 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
             VarianceFormula::Exact => stats::exact_percentile_variance,
         };
         let normal = of_normal(row.standard_deviation.powi(2), count, rule.z)?;
-        // The standard deviation with which a normal sample's percentile would be as uncertain as
-        // this.
+        // The standard deviation of normal samples whose percentile would be as uncertain as this estimate.
         let sd = if normal > 0.0 {
             row.standard_deviation * (row.measure_variance / normal).sqrt()
         } else {
@@ -77,7 +76,8 @@ pub fn sufficiency(samples: &[f64], sampling: &Sampling) -> Result<Sufficiency, 
     }
 }
 
-/// All measures of a design from its samples, that of the objective first. The control variate is one of its response.
+/// All measures of a design from its samples, that of the objective first. A control variate belongs to the objective
+/// alone.
 pub fn measures(
     problem: &Problem,
     design: u64,

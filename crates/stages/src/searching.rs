@@ -30,7 +30,7 @@ pub struct Progress {
     pub stream: StreamId,
     /// Evaluations so far.
     pub evaluations: u64,
-    /// The number of evaluations with which the run ends, unless it has to continue then.
+    /// Number of evaluations at which the run ends, unless its optimum is infeasible then and the run continues.
     pub budget: u64,
     /// The improvements so far, as in [`RunResult`].
     pub history: Vec<(u64, f64)>,

@@ -104,7 +104,7 @@ pub async fn load(
     Ok(state)
 }
 
-/// Whether the verification samples of an approach, of this generation, are of its design.
+/// Whether the stored verification samples of an approach, which have this generation, are those of `design`.
 fn is_of(
     inputs: &Inputs,
     approach: Approach,
@@ -223,8 +223,8 @@ pub async fn response_counts(
     Ok(counts)
 }
 
-/// The designs with a response that need more samples than others, and how many. There are such
-/// designs after a restart, too, if a campaign went on without those of quarantined designs.
+/// The designs with a response that need more samples than others, and how many they need. There are such designs
+/// after a restart, too, for example quarantined ones that a campaign went on without.
 pub async fn wants_more(store: &Store, problem: &Problem) -> anyhow::Result<BTreeMap<u64, u64>> {
     let settings = problem.objective().sampling();
     let mut more = BTreeMap::new();

@@ -36,7 +36,7 @@ pub struct Collector<'a> {
     wanting: BTreeMap<u64, u64>,
     /// The plausibility of the samples behind `rows`, for each response; empty for the built-in simulator.
     summaries: Vec<Vec<Summary>>,
-    /// Stored samples that the campaign does not take.
+    /// Stored samples that the campaign's limits refuse.
     refused: Vec<Outlier>,
 }
 
@@ -152,7 +152,7 @@ impl<'a> Collector<'a> {
         Ok(())
     }
 
-    /// A stored sample that the campaign does not take.
+    /// A stored sample that the campaign's limits refuse, with the response and the value at fault.
     fn refusal(&self, design: u64, sample: usize, samples: &Samples) -> Option<Outlier> {
         let row = samples.get(sample)?;
         let (name, _) = self.problem.check_sample(row).err()?;

@@ -51,7 +51,7 @@ impl Verification {
     }
 }
 
-/// The numbers of samples that follow from samples read before.
+/// The number of verification samples of each point and design, once stored samples have determined it.
 #[derive(Debug, Default)]
 pub struct Sizes(BTreeMap<(StreamId, Vec<u64>), u32>);
 

@@ -77,13 +77,13 @@ fn without_names(text: &str) -> String {
     shown
 }
 
-/// The longest beginning of a text with such characters.
+/// The longest prefix whose characters all satisfy `is_inside`.
 fn run(text: &str, is_inside: impl Fn(char) -> bool) -> &str {
     let end = text.find(|c| !is_inside(c)).unwrap_or(text.len());
     &text[..end]
 }
 
-/// Whether a word is an address, a hexadecimal string, or letters and digits in no order.
+/// Whether a word is an address, a hexadecimal string, or an irregular mix of letters and digits.
 fn is_random(word: &str) -> bool {
     let is_hex = |text: &str| text.bytes().all(|byte| byte.is_ascii_hexdigit());
     if let Some(address) = word.strip_prefix("0x") {

@@ -60,7 +60,7 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<CriteriaR
     checked(connection, rows)
 }
 
-/// The criteria of those of these designs that have some.
+/// The criteria of these designs, as far as they are stored.
 async fn of(
     connection: &mut Connection<'_>,
     designs: impl IntoIterator<Item = u64>,

@@ -16,7 +16,8 @@ use crate::{criteria, evaluations, failures, origins, runs, samples, tally};
 pub enum Discard {
     /// Samples, criteria and recorded failures of the design with this number.
     Design(u32),
-    /// All results of the worker with this name, or of all workers on the host with this name.
+    /// All results of the worker with this name, or of all workers that reported exactly this host
+    /// (`MACHINE:PROCESS`).
     Worker(String),
 }
 

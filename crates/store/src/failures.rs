@@ -47,8 +47,8 @@ pub struct FailureRow {
     pub lease: u32,
     /// The worker that had the lease.
     pub worker: String,
-    /// The worker's own number of the report. A second row with the same worker and number is not
-    /// stored; rows without a number are always stored.
+    /// The worker's own number of the failure. A second row with the same worker and number is not stored; rows
+    /// without a number are always stored.
     pub serial: Option<u64>,
     /// The kind of the event.
     pub kind: FailureKind,
@@ -116,8 +116,8 @@ impl Row for Tally<'_> {
 pub struct FailureGroup {
     /// The kind of the failures.
     pub kind: FailureKind,
-    /// The first line of the error with `#` for numbers and random names and short paths, cut after
-    /// 200 bytes: the part that the failures of the group have in common.
+    /// The first line of the error with short paths and with `#` for numbers and random names, cut after 200 bytes:
+    /// the part that the failures of the group have in common.
     pub cause: String,
     /// Number of failures in the group.
     pub count: u64,

@@ -38,7 +38,7 @@ pub(crate) async fn is_stale(
     Ok(wanted.map(|row| row.generation) != Some(generation.cast_signed()))
 }
 
-/// Sets the wanted generations and removes the samples of others.
+/// Sets the wanted generations, and removes the samples of the generations that they replace.
 pub(crate) async fn put(
     connection: &mut Connection<'_>,
     rows: &[(StreamId, u64)],

@@ -9,7 +9,7 @@ use crate::row::{self, Columns, Row};
 pub struct OriginRow {
     /// The worker's name, which is unique to its process.
     pub worker: String,
-    /// The host that the worker reported.
+    /// The host that the worker reported, `MACHINE:PROCESS`.
     pub host: String,
     /// The build of the program.
     pub build: String,

@@ -220,7 +220,7 @@ fn append(
     }
 }
 
-/// New blocks, and the tallies with them.
+/// New blocks, and the tallies that include them.
 #[derive(Default)]
 struct Additions {
     blocks: Vec<StoredBlock>,
@@ -228,7 +228,7 @@ struct Additions {
 }
 
 impl Additions {
-    /// Adds blocks of a stream, whose tally before is given.
+    /// Adds new blocks of a stream. `tally` is the stream's tally without them.
     fn add(&mut self, stream: StreamId, mut tally: SampleTally, mut blocks: Vec<StoredBlock>) {
         if blocks.is_empty() {
             return;

@@ -105,7 +105,7 @@ pub(crate) async fn all(
     checked(connection, rows)
 }
 
-/// The tallies of those of these streams that have samples.
+/// The tallies of these streams. A stream without samples has none.
 pub(crate) async fn of(
     connection: &mut Connection<'_>,
     streams: impl IntoIterator<Item = StreamId>,

@@ -242,7 +242,7 @@ impl Task {
         // The files are checked again before the rows are acknowledged.
         self.check_identity()?;
         if let Err(error) = self.lock.record(commits) {
-            // Only the later check for a cut log suffers.
+            // The rows are stored; only a later check for a cut log misses this commit.
             tracing::warn!(%error, "the commit could not be noted");
         }
         fail_point::at("after_commit");

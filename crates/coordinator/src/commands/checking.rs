@@ -56,7 +56,7 @@ struct StagePlan {
     evaluations: Option<u64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     samples: Option<u64>,
-    /// Time on one processor of this machine; none with an external simulator that is not there.
+    /// Time on one processor of this machine, in seconds; `None` for an external program without a command to try.
     core_seconds: Option<f64>,
 }
 

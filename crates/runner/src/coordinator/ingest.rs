@@ -27,7 +27,7 @@ pub struct CheckedResult {
 ///
 /// # Errors
 ///
-/// The message does not say which unit it is about. The error is a phrase without its subject.
+/// The message names no valid unit. The error is a phrase without its subject.
 pub fn read(
     problem: &Problem,
     result: &UnitResult,

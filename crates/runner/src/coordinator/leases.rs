@@ -29,8 +29,7 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
         let now = Instant::now();
         let half_a_lease = board.lease_time() / 2;
         if now.duration_since(last) > half_a_lease {
-            // This process was suspended: the workers' heartbeats of the meantime are still to be
-            // read.
+            // This process was suspended, and the heartbeats that arrived meanwhile have not been read yet.
             patient_until = now + half_a_lease;
         }
         last = now;
@@ -43,8 +42,9 @@ pub(crate) async fn watch<R: Recorder>(board: &Board, recorder: &R) -> Result<()
     }
 }
 
-/// Records crashes with the streams that the workers held. `is_known`: the worker was computing these streams. Otherwise
-/// they are all that the worker held, perhaps hundreds, and only the first gets a row: the board remembers the others.
+/// Records crashes with the streams that the workers held. If `is_known`, the workers were computing these streams.
+/// Otherwise the streams are all that each worker held, perhaps hundreds: only the first gets a row, and the board
+/// remembers the others.
 pub(crate) async fn record<R: Recorder>(
     mut crashes: Vec<Crash>,
     is_known: bool,

@@ -157,7 +157,8 @@ impl<R: Recorder> Receiver<'_, R> {
         };
         let samples = &read.unit.samples;
         let is_answer = match read.is_refused {
-            // Responses of the campaign file refuse a design without a program.
+            // The refusal of a design that the campaign file's own responses rule out is not an answer of the
+            // simulator.
             true => known < u32::MAX,
             false => samples.end > known.max(samples.start),
         };

@@ -25,7 +25,7 @@ pub trait Recorder: Clone + Send + Sync + 'static {
     /// recorded.
     async fn pin_model(&self, worker: &str) -> Result<(), store::Error>;
 
-    /// Whether the digest that a worker has offered is another one than that recorded since.
+    /// Whether a digest is recorded and the worker has offered another one.
     fn has_other_model(&self, worker: &str) -> bool;
 
     /// The status of the campaign.

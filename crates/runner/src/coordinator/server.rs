@@ -89,7 +89,7 @@ pub async fn run(
         warn!("{warning}");
     }
     let problem = Arc::new(Problem::new(plan.campaign.clone()));
-    // Only workers ask an external simulator: the first one to register sets the digest.
+    // Only workers ask an external simulator: the first stored result sets the digest.
     let model_digest = (!plan.campaign.is_external()).then(|| probe::model_digest(&problem));
     // The ports first: a run whose port is in use must not leave a store behind.
     let opened = match &plan.port {

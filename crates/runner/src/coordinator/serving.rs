@@ -59,7 +59,7 @@ pub async fn listen(option: &'static str, address: SocketAddr) -> Result<TcpList
         })
 }
 
-/// Connections that wait to be accepted, as of [`TcpListener::bind`].
+/// Maximum number of connections that wait to be accepted, the same as that of [`TcpListener::bind`].
 const BACKLOG: u32 = 1024;
 
 /// Listens on all interfaces, over IPv6 and IPv4 if the machine has both.

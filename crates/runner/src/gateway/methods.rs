@@ -162,7 +162,7 @@ impl<S> Layer<S> for PermissionLayer {
     }
 }
 
-/// A service behind an [`PermissionLayer`].
+/// A service behind a [`PermissionLayer`].
 #[derive(Debug, Clone)]
 pub(crate) struct PermissionService<S> {
     inner: S,

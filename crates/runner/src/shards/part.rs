@@ -144,7 +144,7 @@ impl Part {
     }
 }
 
-/// Whether the results cover a unit, or say why it has none.
+/// Whether the results cover a unit, or one of them says why the rest of it has no samples.
 pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     let of_unit = results.iter().flat_map(|result| &result.results);
     let of_unit = of_unit.filter(|result| {
@@ -158,7 +158,7 @@ pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
         let Some(own) = &result.unit else { continue };
         let says_why =
             result.refused.is_some() || result.ruled_out.is_some() || result.error.is_some();
-        // Only a result that begins within the unit applies to all of it.
+        // A reason applies to all of a unit only if its result begins within the unit.
         if says_why && own.first >= unit.first && own.first < end.max(unit.first + 1) {
             return true;
         }

@@ -284,7 +284,7 @@ impl Backend {
         matches!(self, Self::External(programs) if programs.stop.load(Ordering::Relaxed))
     }
 
-    /// Ends all programs. Waits for those without a request; [`Self::is_busy`] tells of the others.
+    /// Ends all programs, and waits for the idle ones. [`Self::is_busy`] says whether others are still ending.
     pub(crate) fn stop(&self) {
         if let Self::External(programs) = self {
             programs.stop.store(true, Ordering::Relaxed);

@@ -25,7 +25,7 @@ pub use error::Error;
 pub use exec::{Exec, Interface, SimulatorArguments, Trial, trial};
 pub use work::{Options, Summary, Worker};
 
-/// The name of this machine, with which the name of a worker's host begins, before a colon.
+/// The name of this machine. The host of a worker is this name, a colon and the process.
 #[must_use]
 pub fn machine() -> String {
     let name = std::fs::read_to_string("/etc/hostname");

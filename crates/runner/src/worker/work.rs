@@ -56,7 +56,8 @@ pub struct Options {
     pub give_up_after: Duration,
     /// The folder for results that cannot be delivered; none if the coordinator is in this process.
     pub undelivered: Option<PathBuf>,
-    /// The folder for notes of what a worker computes, and how their names begin.
+    /// The folder for notes of the units that are being computed, and the prefix of the notes' names; none for no
+    /// notes.
     pub journal: Option<(PathBuf, String)>,
     /// Time for running jobs to end after a shutdown.
     pub grace: Duration,
@@ -198,7 +199,7 @@ impl Worker {
             unable = shared.unable() => Err(unable),
         };
         stop.cancel();
-        // No unit is the cause of a crash from here on.
+        // From here on, no unit is to blame if this worker is killed.
         shared.journal.remove();
         let asked = tokio::time::Instant::now();
         if let Ok(End::Dismissed) = end {

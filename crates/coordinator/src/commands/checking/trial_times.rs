@@ -1,4 +1,4 @@
-//! Trial runs: the times of a campaign's work on this machine, and what becomes of random designs.
+//! Trial runs: the times of a campaign's work on this machine, and how many random designs get samples.
 
 use std::collections::BTreeMap;
 
@@ -21,9 +21,10 @@ use stats::streams::{Purpose, stream};
 pub(super) struct TrialTimes {
     /// The share of random designs that get samples: simulable ones that are not ruled out.
     pub(super) sampled: f64,
-    /// The most frequent reason why a design gets no samples, as its first design has it; empty if all do.
+    /// The most frequent reason why designs get no samples, in the words of the first such design; empty if all get
+    /// some.
     pub(super) reason: String,
-    /// Unknown for an external program, which is called for few designs.
+    /// The feasible designs among the random ones; `None` for an external program, which is called for few designs.
     pub(super) feasible: Option<Feasible>,
     /// Time of a design's criteria and two deterministic analyses, in seconds.
     pub(super) design_seconds: f64,
@@ -64,7 +65,7 @@ pub(super) const DESIGNS: u32 = 40;
 pub(super) fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
     let mut seconds = [0.0; 2];
     let mut sampled = 0.0_f64;
-    // Each reason by its short name, with the number of its designs and the whole reason of the first one.
+    // Number of designs and the whole reason of the first one, by the short name of the reason.
     let mut reasons: BTreeMap<String, (u32, String)> = BTreeMap::new();
     let mut trials = Vec::new();
     let samples = [4, 44];
@@ -101,7 +102,7 @@ pub(super) fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
                 sampled += 1.0;
                 continue;
             };
-            // The rest of the reason has the numbers of this design.
+            // After the colon, a reason has the numbers of its own design.
             let name = reason.split(':').next().unwrap_or_default().to_owned();
             reasons.entry(name).or_insert((0, reason)).0 += 1;
         }
@@ -123,10 +124,11 @@ pub(super) fn measure(problem: &Problem) -> anyhow::Result<TrialTimes> {
     })
 }
 
-/// The feasible ones among [`DESIGNS`] random designs, of which those with `trials` could be simulated.
+/// Counts the feasible designs among [`DESIGNS`] random ones; `trials` are the analyses of those that can be
+/// simulated.
 fn feasible(problem: &Problem, trials: &[Analysis]) -> Feasible {
     let mut count = 0;
-    // Each constraint by its name, with the number of designs that break it and the mildest violation.
+    // Number of designs that break a constraint and the mildest violation, by the name of the constraint.
     let mut broken: BTreeMap<String, (u32, Constraint)> = BTreeMap::new();
     for analysis in trials {
         count += u32::from(problem.is_feasible(&analysis.criteria));
@@ -142,7 +144,7 @@ fn feasible(problem: &Problem, trials: &[Analysis]) -> Feasible {
         }
     }
     let worst = broken.into_values().max_by_key(|(designs, _)| *designs);
-    // Where designs break different constraints, a search can find those that break none.
+    // If the designs break different constraints, a search may still find one that breaks none.
     let by_all = worst.filter(|(designs, _)| *designs as usize == trials.len());
     let warning = by_all.map(|(designs, mildest)| {
         format!(
@@ -196,13 +198,13 @@ fn measure_runs(problem: &Problem) -> anyhow::Result<f64> {
     Ok(seconds)
 }
 
-/// The feasible ones among random designs.
+/// The number of feasible designs among random ones.
 #[derive(Clone, Serialize)]
 pub(super) struct Feasible {
     pub(super) count: u32,
     /// Number of designs tried.
     pub(super) designs: u32,
-    /// A warning that names a constraint that all of them break.
+    /// A warning that names the constraint that all simulable designs break, if there is one.
     #[serde(skip)]
     pub(super) warning: Option<String>,
 }

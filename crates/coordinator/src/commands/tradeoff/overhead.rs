@@ -82,7 +82,7 @@ pub(crate) fn sleep_program(seconds: f64) -> Result<u8, ProgramError> {
     Ok(exit::OK)
 }
 
-/// The runs for the studies of a campaign, with stores in its folder.
+/// Runs the programs for the studies of a campaign, with their stores in the folder `out`.
 pub(super) struct Programs<'a> {
     pub(super) campaign: &'a Campaign,
     pub(super) out: &'a Path,
@@ -213,7 +213,7 @@ async fn run(own: &Campaign, out: &Path, load: &Load) -> anyhow::Result<RunnerTi
         }
     };
     let problem = Arc::new(Problem::new(campaign));
-    // A job of a slow program is one sample: designs of few samples give every worker one.
+    // A job of the sleeping program is one sample. Designs have few samples, so that every worker gets one.
     let per_design = match load.sleep {
         None => PER_DESIGN,
         Some(_) => PER_DESIGN.min((load.samples / load.workers as u32).max(1)),

@@ -35,8 +35,8 @@ impl Board {
         });
     }
 
-    /// Sets the control: a unit whose samples are stored, which workers whose jobs fail compute to show that they can
-    /// compute anything.
+    /// Offers a unit whose samples are stored as the control: workers whose jobs fail compute it to show that they
+    /// can compute anything.
     pub fn set_control(&self, unit: Unit, source: Arc<Source>) {
         self.lock().ledger.set_control(unit, source);
     }

@@ -120,8 +120,8 @@ impl Board {
         });
     }
 
-    /// Marks that the results of a worker are being stored. Returns none while those of an earlier
-    /// call are.
+    /// Marks that the results of a worker are being stored. Returns none while the results of an earlier call are
+    /// still being stored.
     #[must_use]
     pub fn begin_report(self: &Arc<Self>, worker: &WorkerId) -> Option<ReportGuard> {
         let is_first = self.lock().reporting.insert(worker.clone());

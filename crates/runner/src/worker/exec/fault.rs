@@ -23,7 +23,7 @@ pub(super) enum Fault {
     Program(String),
     /// The program ended without an error between two answers: it can be started again.
     Left(String),
-    /// The shell did not find the command, or must not run it: its exit status is 126 or 127.
+    /// The shell did not find the command or may not run it: its exit status is 126 or 127.
     NotRun {
         text: String,
         /// The cause and the remedy, if the machine is at fault.
@@ -42,8 +42,8 @@ impl Fault {
         }
     }
 
-    /// Returns the fault of a shell whose first line says how it ended, and whose last line is that
-    /// of its standard error.
+    /// Returns the fault of a shell that could not run the command. The first line of `text` says how the shell
+    /// ended; the last line is the last one of the shell's standard error.
     pub(super) fn not_run(text: String) -> Self {
         let status = text.lines().next().unwrap_or_default();
         let said = text.lines().last().unwrap_or_default();

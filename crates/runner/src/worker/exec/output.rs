@@ -12,7 +12,7 @@ const QUOTE: usize = 1000;
 /// The meaning of a line of the output.
 #[derive(Debug, PartialEq)]
 pub(super) enum Line<T> {
-    /// The answer, and whether other text is in the same line.
+    /// The answer, and whether it is alone in its line.
     Answer(T, bool),
     /// An attempt at an answer that cannot be read: the reason.
     Malformed(String),
@@ -73,7 +73,7 @@ impl Tail {
     }
 }
 
-/// The fault of a process whose answer cannot be used, for an error.
+/// The part of an error message after "the simulator", for an answer that cannot be used.
 pub(super) fn malformed(answer: &[u8], reason: &str) -> String {
     format!("gave a malformed answer ({reason}): {}", quote(answer))
 }

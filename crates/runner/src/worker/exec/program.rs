@@ -23,7 +23,7 @@ pub(super) struct Program {
     id: u64,
     /// The last request, for messages.
     line: String,
-    /// Given back when the program has ended, so the last field.
+    /// The last field, so that the number is freed only after the program has ended.
     _slot: Slot,
 }
 
@@ -37,13 +37,14 @@ enum Kind {
     Lines(Process),
     /// A command that answers files with files.
     Files(Files),
-    /// A model of a server.
+    /// A model on a UM-Bridge server.
     UmBridge(Box<UmBridge>),
 }
 
 impl Program {
-    /// Starts the program of `exec` for a campaign with this section. The number selects one of several servers. Once
-    /// `stop` is set, the program is ended, and no answer is waited for. `failed_runs` are the folders of failed runs.
+    /// Starts the program of `exec` for a campaign with this `[simulator]` section. The number selects one of several
+    /// servers. Once `stop` is set, the program is ended, and no answer is waited for. The folders of failed runs are
+    /// added to `failed_runs`.
     ///
     /// # Errors
     ///

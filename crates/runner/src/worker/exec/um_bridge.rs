@@ -185,7 +185,8 @@ impl UmBridge {
             .collect())
     }
 
-    /// Posts to an address of the server, with the model's name in the content.
+    /// Posts `content` with the model's name to an address of the server, or sends a GET request if there is no
+    /// content.
     fn call(&self, what: &str, content: Option<Value>, timeout: Duration) -> Result<Value, Fault> {
         let url = format!("{}/{what}", self.server);
         let content = content.map(|mut content| {
@@ -218,7 +219,7 @@ impl UmBridge {
     }
 }
 
-/// Posts `content`, or asks without any.
+/// Sends a POST request with `content`, or a GET request without any.
 fn post(agent: &ureq::Agent, url: &str, content: Option<&Value>) -> Result<Value, Fault> {
     let sent = match content {
         Some(content) => agent.post(url).send_json(content),

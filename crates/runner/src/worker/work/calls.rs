@@ -29,11 +29,12 @@ const KEEP_EVERY: Duration = Duration::from_secs(1);
 /// Maximum number of samples between two readings of the clock.
 const MAX_STRIDE: u32 = 64;
 
-/// Time to wait for a request to leave after an external program failed. systemd and Slurm signal
+/// Time to wait, after an external program failed, for a request that this worker leave. systemd and Slurm signal
 /// both at once, and the program often ends first.
 const AFTERTHOUGHT: Duration = Duration::from_millis(500);
 
-/// Time without leases after a pause for a machine that could not run the simulator.
+/// Time without new leases after the last pause for a machine that could not run the simulator: enough for the
+/// repeated request to fail again.
 const SETTLING: Duration = Duration::from_millis(500);
 
 /// Maximum size of the results in a report, in bytes, unless one result is larger. The size is
@@ -358,8 +359,8 @@ impl SharedState {
     }
 }
 
-/// Sends heartbeats and follows the directives in the responses. Continues while the worker leaves:
-/// until then the leases are its own.
+/// Sends heartbeats and follows the directives in the responses. Heartbeats continue while the worker is leaving,
+/// because it holds its leases until the end.
 pub(super) async fn heartbeat(shared: Arc<SharedState>) -> Result<End, Error> {
     let mut client = shared.connection.client();
     let mut told = shared.heartbeat.subscribe();

@@ -5,7 +5,7 @@
 //! these are suspected. The built-in simulator needs none.
 //!
 //! The file begins with a header line; then each slot has a record: lease, unit, or zeros while it computes nothing.
-//! A record is written by one call and never synced, since only the process has to be survived. The file is locked
+//! A record is written by one call and never synced, since it has to outlive only the process. The file is locked
 //! while its worker lives.
 
 use std::fs::{self, File};
@@ -30,7 +30,7 @@ const RECORD: usize = 40;
 /// The notes of this worker and of former ones.
 #[derive(Debug)]
 pub(super) struct Journal {
-    /// The folder of the notes, and how their names begin; none for a worker that makes none.
+    /// The folder of the notes, and the prefix of their names; none for a worker that makes none.
     place: Option<(PathBuf, String)>,
     slots: usize,
     state: Mutex<State>,

@@ -88,8 +88,7 @@ impl SharedState {
                             self.journal.forget_crashed();
                             self.held.cancel(&ids(&response.cancelled));
                         } else {
-                            // Leases, if there are any, belong to another campaign, and so do their
-                            // results, which its coordinator may want.
+                            // Any leases belong to another campaign, whose coordinator may want their results.
                             if known.is_some() {
                                 self.keep_undelivered();
                                 self.files.leave();
