@@ -50,7 +50,7 @@ __all__ = ["Campaign", "CampaignError", "Evaluations", "Request"]
 
 logger = logging.getLogger("pitchline")
 
-#: Seconds between two looks at the store.
+#: Seconds between two readings of the store.
 _LOOK = 0.3
 #: Seconds that an answer from elsewhere may take: a year.
 _PATIENCE = 365 * 24 * 3600
@@ -338,7 +338,7 @@ class Request:
         self.design: dict[str, float] = request["design"]
         #: the values of the random inputs that the campaign states
         self.random: dict[str, float] = request.get("random", {})
-        #: of a sample whose random inputs the campaign does not state; else ``None``
+        #: the seed of a sample whose random inputs the campaign does not state; else ``None``
         self.seed = seed_of(request)
         #: the names of the requested responses
         self.responses = names

@@ -37,7 +37,7 @@ class Interval(NamedTuple):
 class LeaveOneOut(NamedTuple):
     """Predictions of each observation from all others."""
 
-    #: the numbers of the rows of X; of repeated points the first
+    #: row numbers of X, from 0; only the first row of a repeated point
     observations: NDArray[np.uintp]
     #: observed less predicted
     residuals: Array

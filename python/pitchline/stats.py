@@ -47,7 +47,7 @@ class Estimate(NamedTuple):
     variance: float
     #: whether a normal distribution was assumed
     is_normal: bool
-    #: of Lilliefors' test of normality; NaN without one
+    #: the p-value of Lilliefors' test of normality; NaN without a test
     p_value: float
 
 

@@ -9,7 +9,7 @@ use std::time::Duration;
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
-/// Interval at which signals are looked for during long work.
+/// Interval at which signals are checked during long work.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// A flag that asks work to end early.

@@ -137,7 +137,7 @@ impl Store {
         Table::new(columns)
     }
 
-    /// The numbers that the verification samples of each optimum count as in the measure, by approach.
+    /// The values of each optimum's verification samples from which the measure is estimated, by approach.
     fn verification<'py>(
         &self,
         py: Python<'py>,

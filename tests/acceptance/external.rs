@@ -8,8 +8,8 @@ use crate::example::{
 };
 use crate::place::{DB, Place};
 
-/// A design whose samples take several leases is evaluated once, and once more at most by each of the slots that would be
-/// idle otherwise.
+/// A design whose samples take several leases is evaluated once. Each slot that would otherwise be idle may evaluate it
+/// once more.
 #[test]
 fn a_slow_design_is_evaluated_once() {
     let sandbox = Sandbox::new();

@@ -1,4 +1,4 @@
-//! The percentile on top of a report: of responses that are not normal, and of ones that are maximised.
+//! The percentile at the top of a report, for responses that are not normal and for responses that are maximised.
 
 use acceptance::{Sandbox, assert_code, changed, errors, printed, python, root};
 use serde_json::Value;

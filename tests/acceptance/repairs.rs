@@ -136,7 +136,8 @@ fn a_campaign_that_was_all_quarantined_is_computed_by_the_same_command() {
     case.assert_repaired("c.db");
 }
 
-/// A DoE without one of its designs gives a model, rounds and optima; with it, all of these again.
+/// A campaign without a quarantined design ends with a model, rounds and optima. After the retry, all of these are
+/// computed again.
 #[test]
 fn what_was_learned_without_a_quarantined_design_is_learned_again() {
     let fails = "r['request'] == 'sample' and d['a'] > 0.8 and not os.path.exists('licence')";

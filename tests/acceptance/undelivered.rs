@@ -42,7 +42,7 @@ fn slow(sandbox: &Sandbox, seconds: &str) -> (String, String) {
     )
 }
 
-/// The number of samples that were begun, each of which once.
+/// The number of samples that were begun. Asserts that each was begun only once.
 fn calls(sandbox: &Sandbox) -> usize {
     let text = std::fs::read_to_string(sandbox.path("calls")).unwrap_or_default();
     let samples: BTreeSet<&str> = text.lines().collect();

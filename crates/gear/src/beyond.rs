@@ -10,13 +10,13 @@
 use crate::geometry::Geometry;
 use crate::input::Member;
 
-/// Contact reaches beyond the path to where the tip corner is apart by this many mean deflections.
+/// Gap of the tip corner, in mean deflections, up to which there may be contact beyond the path.
 const REACH: f64 = 2.5;
-/// Deflection per N/mm of an even load on a pair of steel teeth, mm: for the reach only.
+/// Deflection of a pair of steel teeth under an even load of 1 N/mm, mm. Only the reach depends on it.
 const TYPICAL_COMPLIANCE: f64 = 1.0 / 14_000.0;
 /// Young's modulus of the typical compliance, MPa.
 const STEEL: f64 = 206e3;
-/// The least reach, as a gap in modules.
+/// The smallest gap, in modules, up to which there may be contact beyond the path.
 const LEAST_REACH: f64 = 1.0 / 300.0;
 /// Number of steps of the table of separations.
 const STEPS: usize = 60;

@@ -78,8 +78,8 @@ pub(crate) fn at_points(series: &Series) -> Values {
     CHEBYSHEV.map(|row| row.iter().zip(series).map(|(t, b)| t * b).sum())
 }
 
-/// A polynomial of u, as coefficients of its powers. Powers lose five digits against the Chebyshev
-/// series, which is nothing at the tolerance kept here, and take half the time.
+/// A polynomial of u, as coefficients of its powers. Powers take half the time of the Chebyshev series. They lose five
+/// digits, which the tolerance of the quadrature permits.
 #[derive(Debug, Clone)]
 pub(crate) struct Polynomial {
     terms: usize,

@@ -198,7 +198,7 @@ impl Path {
         let mut separation = Vec::new();
         if let Some(beyond) = beyond {
             let cells = (disc.cells / CELLS_PER_ONE_BEYOND).max(2);
-            // A path that ends at a base circle ends there for good.
+            // No cells are added at an end without reach, such as an end at a base circle.
             let counts = reach.map(|reach| if reach > 0.0 { cells } else { 0 });
             let distance = |end: usize, k: usize| reach[end] * k as f64 / cells as f64;
             inner = counts[0]..counts[0] + s.len();

@@ -56,8 +56,8 @@ impl Path {
         } else {
             (lead, 0.0)
         };
-        // Ranges of phases start later from node to node, so each phase enters and leaves once. Of
-        // the phases inside, only those are kept that no later one exceeds.
+        // Ranges of phases start later from node to node, so each phase enters and leaves once. If the
+        // gap is the same all along the face, a phase is dropped once a later one reaches its value.
         let mut inside: VecDeque<usize> = VecDeque::new();
         let (mut entered, mut before_start, mut before_end) = (0, 0, 0);
         let mut greatest = Vec::with_capacity(self.nodes().len());

@@ -45,7 +45,7 @@ pub struct Sampler {
     roll: [Vec<f64>; 2],
     depth: [Vec<f64>; 2],
     deviations: Deviations,
-    /// The least share of the mean depth that is worn off, and by how much the greatest exceeds it.
+    /// Lower end and width of the range of the worn share, both over the mean share; `None` without a random share.
     life: Option<[f64; 2]>,
     /// Whether the depth may be negative.
     signed: bool,
@@ -55,7 +55,7 @@ pub struct Sampler {
     normals: Vec<f64>,
     theta: [Vec<f64>; 2],
     deviation: Deviation,
-    /// The share of the mean depth in the last draw.
+    /// Worn depth over mean depth in the last draw.
     share: f64,
     gap: Vec<f64>,
     scratch: Scratch,

@@ -180,8 +180,8 @@ impl Tooth {
         let apex = tooth.tau_apex;
         let thin = |tau: f64| tooth.involute_point(tau).x - THIN_TIP * m;
         if reach >= apex || thin(reach) < 0.0 {
-            // Short of the apex, where the piece's parameter is infinite, also for a tooth that is
-            // thin all along.
+            // The end stays short of the apex, where the piece's parameter is infinite. That matters for a
+            // tooth that is thin all along.
             let end = root(tooth.tau_start.min(apex), reach.min(apex), thin);
             tooth.tau_tip = end.min(apex * (1.0 - 1e-12));
         }

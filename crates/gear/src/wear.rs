@@ -176,8 +176,8 @@ impl Pair {
             .collect()
     }
 
-    /// The mesh of the worn flanks. Should wear make its compliance singular, the approach of the
-    /// unworn ones serves.
+    /// The mesh of the worn flanks. The mesh of the unworn flanks is used if wear makes the compliance
+    /// singular.
     fn worn_mesh(&self, gap: &[f64]) -> Arc<Mesh> {
         self.mesh_of(gap, false)
             .unwrap_or_else(|_| Arc::clone(&self.mesh))

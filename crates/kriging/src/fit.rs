@@ -120,7 +120,7 @@ pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
         && made.jitter > optimum.jitter
         && let Some(again) = search.polish(&searched, &optimum.outcome.at, made.jitter, true)
     {
-        // All points together need more jitter, and with it the likelihood is highest elsewhere.
+        // All points together need more jitter, which moves the maximum of the likelihood.
         optimum = again;
         made = model(&optimum)?;
     }

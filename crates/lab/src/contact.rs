@@ -22,8 +22,8 @@ const UNSEEN: &str = include_str!("../data/unseen.json");
 const YOUNGS_MODULUS_MPA: f64 = 206e3;
 const POISSON_RATIO: f64 = 0.3;
 
-/// An error of ΔSTE in µm that counts as much as one of five per cent: a tenth of the least ΔSTE that
-/// matters.
+/// Error of ΔSTE, µm, that counts as at most `FLOOR_PERCENT`, however small ΔSTE is. It is a tenth of the smallest
+/// ΔSTE that matters.
 const FLOOR_UM: f64 = 0.05;
 const FLOOR_PERCENT: f64 = 5.0;
 
@@ -38,7 +38,7 @@ struct Entry {
     face_width_mm: f64,
     helix_angle_deg: f64,
     pressure_angle_deg: f64,
-    /// In modules, as the tools.
+    /// Tool addendum, modules, like the two lengths below.
     tool_addendum: [f64; 2],
     tool_dedendum: [f64; 2],
     root_radius: [f64; 2],
@@ -60,7 +60,7 @@ struct Load {
     tip_relief_length_mm: Option<[f64; 2]>,
     helix_slope_um: Option<f64>,
     crowning_um: Option<f64>,
-    /// Material missing from both flanks together by wear.
+    /// Depth of wear on both flanks together at `wear_places_mm`.
     wear_um: Option<Vec<f64>>,
     delta_ste_um: f64,
     mean_ste_um: f64,

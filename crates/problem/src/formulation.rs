@@ -44,11 +44,11 @@ pub struct Problem {
     /// The search space of the DoE, the models and the approaches that use them.
     free: Space,
     base: Design,
-    /// The deterministic ones, and then the measures that constraints limit.
+    /// The deterministic criteria, then the measures that constraints limit.
     criteria: Vec<Quantity>,
     responses: Vec<Quantity>,
     sampled: Vec<Quantity>,
-    /// The objective's, and then those of the constraints.
+    /// The measure of the objective, then the measures of the constraints.
     measures: Vec<ResponseMeasure>,
     random: Option<RandomInputs>,
     kind: Formulation,

@@ -56,7 +56,7 @@ pub fn trial(simulator: &dyn Simulator, run: &Run) -> Result<RunResult, String> 
     ended(simulator, run, search)
 }
 
-/// The result of a search that nothing stops.
+/// Runs a search to its end and returns the result.
 fn ended(simulator: &dyn Simulator, run: &Run, search: Search) -> Result<RunResult, String> {
     let result = search.run_while(simulator, run, &|| true);
     let result = result.map_err(|error| error.to_string())?;

@@ -5,7 +5,7 @@ use crate::file::{Doe, Source, TableRows};
 use crate::formulation::{Problem, Quantity};
 use crate::{Campaign, FileError};
 
-/// The largest relative error of a bound or a discrete value that is taken for rounding.
+/// Largest relative deviation from a bound or a discrete value that counts as rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// The reason why the user's own samples are refused.
@@ -24,13 +24,13 @@ fn sample_fault(problem: &Problem, sample: &[f64]) -> Option<String> {
 }
 
 impl Problem {
-    /// The samples that the campaign file has of a design. They are its first ones.
+    /// The samples that the campaign file gives for a design. They replace the design's first samples.
     #[must_use]
     pub fn own_samples(&self, design: u64) -> &[Vec<f64>] {
         own(&self.campaign().doe.samples, design)
     }
 
-    /// The deterministic responses that the campaign file has of a design.
+    /// The deterministic responses that the campaign file gives for a design.
     #[must_use]
     pub fn own_responses(&self, design: u64) -> Option<&[f64]> {
         let known = own(&self.campaign().doe.responses, design);
@@ -163,7 +163,7 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
             problem.check_responses(responses).map_err(wrong)?;
         }
         let responses = responses.unwrap_or_default();
-        // A further sample of a design stands in a row of its own.
+        // A row with the variables of an earlier row is a further sample of the same design.
         let twin = doe.points.iter().position(|other| *other == point);
         if let (Some(twin), Some(sample)) = (twin, &sample) {
             if doe.responses[twin] != responses {

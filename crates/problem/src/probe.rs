@@ -119,8 +119,8 @@ pub fn ask(simulator: &dyn Simulator, design: u64) -> Result<DesignAnswers, Prob
     Ok(answers)
 }
 
-/// The result of a probe, from the answers about its first designs. `simulator` draws the first sample of all once
-/// more.
+/// The result of a probe, from the answers about its first designs. `simulator` draws the first of all samples once
+/// more, to compare both values.
 ///
 /// # Errors
 ///
@@ -172,7 +172,7 @@ fn repeat(simulator: &dyn Simulator, design: u64, first: &[f64]) -> Result<(), P
     let prepared = simulator.prepare(&asked);
     let again = match prepared.and_then(|mut prepared| prepared.sample(&mut rng)) {
         Ok(again) => again,
-        // No second value.
+        // There is no second value to compare.
         Err(NoAnswer::Refused(_) | NoAnswer::Failed(_)) => return Ok(()),
         Err(NoAnswer::Machine(why)) => return Err(ProbeError::Machine(why)),
     };

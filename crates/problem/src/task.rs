@@ -150,7 +150,7 @@ impl Failure {
 pub struct Outcome {
     /// The finished output, from the unit's first sample on; `None` if nothing was finished.
     pub output: Option<Output>,
-    /// The failure after it.
+    /// The failure that ended the unit after `output`; `None` if the unit was finished or stopped.
     pub failure: Option<Failure>,
 }
 

@@ -27,7 +27,8 @@ pub(crate) struct Times {
     pub(crate) stages: Vec<StageTimeRow>,
     /// CPU time of the fit, s.
     pub(crate) fit: f64,
-    /// CPU time of the decisions of rounds, s, and the infill points' numbers; none without an enrichment.
+    /// CPU time of the decisions of infill rounds, s, and the numbers of the infill points; `None` without an
+    /// enrichment.
     pub(crate) enrichment: Option<(f64, BTreeSet<u64>)>,
 }
 

@@ -1,5 +1,5 @@
-//! Open files. Each connection takes one file descriptor, and connections come from strangers, too: some
-//! descriptors are left to the store, the report and the simulators.
+//! The limit on open files. Each connection takes one file descriptor, and anybody may connect. Some descriptors are
+//! therefore reserved for the store, the report and the simulators.
 
 use std::os::fd::{AsFd, AsRawFd as _};
 
@@ -15,7 +15,7 @@ pub fn allow(wanted: u64) {
     let possible = limit.maximum.map_or(wanted, |maximum| maximum.min(wanted));
     if limit.current.is_some_and(|current| current < possible) {
         limit.current = Some(possible);
-        // Otherwise a port serves fewer connections.
+        // If the limit cannot be raised, a port serves fewer connections.
         let _ = setrlimit(Resource::Nofile, limit);
     }
 }
@@ -28,7 +28,7 @@ pub fn is_of_reserve(opened: &impl AsFd, reserve: u64) -> bool {
     limit.is_some_and(|limit| is_of_last(number, limit, reserve))
 }
 
-/// Under a very low limit the reserve is half of it.
+/// Whether a descriptor is one of the last `reserve` below the limit, or of the upper half if the limit is very low.
 fn is_of_last(number: u64, limit: u64, reserve: u64) -> bool {
     number >= limit - reserve.min(limit / 2)
 }

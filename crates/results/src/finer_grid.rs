@@ -10,9 +10,9 @@ use stats::streams::stream;
 /// Samples of both measures, from the same random numbers.
 const SAMPLES: u64 = 100;
 
-/// The measure on a grid twice as fine less that on the campaign's grid, µm. It shows about three quarters of the
-/// error, which falls with the square. `None` if the built-in model cannot simulate the design, and for an external
-/// simulator.
+/// The measure on a grid twice as fine less that on the campaign's grid, µm. It is about three quarters of the
+/// campaign grid's error, which falls with the square of the cell size. `None` if the built-in model cannot simulate
+/// the design, and for an external simulator.
 pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     let mut campaign = problem.campaign().clone();
     if campaign.is_external() {

@@ -9,7 +9,7 @@
 //! - [`sheet`] is the data sheet of a gear pair.
 //! - [`doubts`] has the reasons to doubt a pair, a recommended design and what a store holds.
 //! - [`number`] shows numbers to people.
-//! - [`live`] is the live page, and [`descriptors`] what connections leave to files.
+//! - [`live`] is the live page, and [`descriptors`] limits its connections so that files can still be opened.
 //! - [`snapshot`] has the rows of a campaign, and [`optima`] its optima, verified and ranked.
 //! - [`modelling`] fits models to tables of a user's own.
 

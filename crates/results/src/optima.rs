@@ -101,7 +101,7 @@ impl VerifiedLimit {
         match self.confidence {
             _ if !self.holds => "broken".to_owned(),
             None => "too few samples to tell".to_owned(),
-            // The search for the level ends there.
+            // `ResponseMeasure::confidence` returns 0.9999 at most.
             Some(confidence) if confidence > 0.9998 => "holds, confidence above 99.9 %".to_owned(),
             // Rounded down: 94.99 % is not 95 %.
             Some(confidence) => {
@@ -131,7 +131,7 @@ impl VerifiedOptimum {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Optima {
     all: Vec<VerifiedOptimum>,
-    /// The ranked ones, the best first.
+    /// The indices of the ranked optima, the best first.
     ranking: Vec<usize>,
 }
 

@@ -18,7 +18,7 @@ use parquet::schema::types::Type;
 use crate::cell::{Cell, Column, Kind, SCHEMA_VERSION};
 use crate::columnar::{Columns, Values};
 
-/// Rows of a row group; they are kept in memory until it is full.
+/// Number of rows in a row group. Rows are kept in memory until their group is full.
 const ROWS: usize = 1 << 16;
 
 /// Writes the rows of a table, which fit its columns.

@@ -12,7 +12,7 @@ use crate::number::duration;
 /// The normal deviate of a two-sided 95 % interval.
 pub(crate) const Z95: f64 = 1.959_963_984_540_054;
 
-/// Silence after which a worker no longer counts for the time to go.
+/// Silence after which a worker's slots no longer count in the estimate of the time to go.
 const GONE: Duration = Duration::from_secs(15);
 
 /// A rate with its 95 % interval.
@@ -35,7 +35,7 @@ impl Pace {
     /// The time for `count`, whose standard error is `error`; `None` without an interval of the rate.
     fn span(self, count: f64, error: f64) -> Option<Span> {
         let factor = self.factor.filter(|_| self.per_second > 0.0)?;
-        // Relative errors add up as logarithms.
+        // The relative errors of rate and count are independent, so the squares of their logarithms add up.
         let of_count = if count > 0.0 {
             Z95 * error / count
         } else {
@@ -51,7 +51,7 @@ impl Pace {
     }
 }
 
-/// The rate of each kind of work; of runs it is that of the evaluations on an external simulator.
+/// The rate of each kind of work. The rate of runs is that of the evaluations on an external simulator.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Paces(pub BTreeMap<Kind, Pace>);
 
@@ -84,7 +84,7 @@ pub struct CoordinatorState {
     pub now: Duration,
     /// Streams and leases by state.
     pub counts: Counts,
-    /// The rates at which results come.
+    /// The rates at which results arrive, by kind of work.
     pub paces: Paces,
     /// Durations of runs of optimisers; `None` until one has ended.
     pub run_seconds: Option<RunSeconds>,
@@ -110,8 +110,8 @@ pub struct CoordinatorStatus {
     /// Seconds until the stage ends at the recent rate, while samples of the DoE, of a round of
     /// infill or of the optima are taken or optimisers run; absent while too little is known.
     pub eta_seconds: Option<f64>,
-    /// The 95 % interval of `eta_seconds`, from the scatter of the rate and of what is left; of runs of
-    /// optimisers the range from the shortest and the longest recent one.
+    /// The lower end of the interval of `eta_seconds`. It is a 95 % interval from the uncertainty of the rate and of
+    /// the missing work. For whole runs of optimisers it follows from the shortest and the longest recent run.
     pub eta_low_seconds: Option<f64>,
     /// The upper end of the interval.
     pub eta_high_seconds: Option<f64>,
@@ -159,7 +159,7 @@ struct Span {
 }
 
 impl Backlog {
-    /// The time for it at the recent rate; `None` while too little is known, or without a slot.
+    /// The time for this work at the recent rate; `None` while too little is known, or without a slot.
     fn span(self, running: &CoordinatorState, slots: f64) -> Option<Span> {
         match self {
             Self::Counted(kind, count, error) => running.paces.of(kind).span(count, error),
@@ -177,7 +177,8 @@ impl Backlog {
 }
 
 impl CoordinatorStatus {
-    /// The status's part about `running`. The time to go follows from the missing work of the stage.
+    /// The part of the status about a running coordinator. The time to go follows from `left`, the missing work of the
+    /// stage.
     #[must_use]
     pub fn of(running: CoordinatorState, left: Option<Backlog>) -> Self {
         let silent_for = |seen: Duration| running.now.saturating_sub(seen);

@@ -140,7 +140,7 @@ impl Snapshot {
     pub fn calls(&self, stage: Stage) -> u64 {
         match stage {
             Stage::Sample => calls::sampling(&self.problem, &self.criteria, self.samples),
-            // An approach that rests on the DoE counts its calls as its own; here they count once.
+            // Calls of the DoE count in the stage of sampling only, not again for the approaches that use the DoE.
             Stage::Optimise => self.runs.iter().map(|run| run.simulator_calls).sum(),
             Stage::Enrich => calls::infill(&self.problem, &self.rounds, &self.infill),
             Stage::Verify => {

@@ -41,7 +41,7 @@ pub struct Status {
     /// Whether the digests were computed from the samples when the store was opened; otherwise they are those
     /// on record.
     pub digests_checked: bool,
-    /// Finished runs of optimisers and how many there will be.
+    /// Finished runs of optimisers, and their total number.
     pub optimiser_runs: Progress,
     /// Runs on an external simulator that have begun and are not finished; those on the built-in one take
     /// seconds and are not among them.
@@ -169,7 +169,7 @@ pub struct OptimumStatus {
     /// when there is one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub none: Option<NoOptimum>,
-    /// A remark: without a model, the reason.
+    /// A remark, such as why an approach has no model; may be empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
     /// Verification samples in the store, and how many there will be.
@@ -180,8 +180,8 @@ pub struct OptimumStatus {
     /// The constraints on measures of samples, once all verification samples are there.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub limits: Vec<VerifiedLimit>,
-    /// The measure less that of the best optimum, not negative but for the interval; absent for the best one,
-    /// and for an approach that moves other variables.
+    /// The difference between the measure and that of the best optimum, positive if the optimum is worse. Its interval
+    /// may include negative values. Absent for the best optimum, and for an approach that moves other variables.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub behind: Option<Estimate>,
 }

@@ -88,11 +88,11 @@ pub async fn optimum(
         .context(none)
 }
 
-/// The five variables that all designs of the campaign's DoE share.
+/// The values of the variables that the DoE does not vary, which all its designs share.
 #[must_use]
 pub fn base(problem: &Problem, optima: &Optima) -> Design {
     let base = stages::optima::base(problem, optima.iter().map(|one| &one.optimum));
-    // Without an optimum they are those of the file.
+    // Without an optimum the values are those of the campaign file.
     base.unwrap_or_else(|| problem.base().clone())
 }
 

@@ -111,7 +111,7 @@ fn draw(
 
 /// First-order and total indices of two outputs: P90 from the common samples of a direct search, and ΔSTE of one worn
 /// pair. The wear field of that pair is an additional input, which includes the deviations of manufacture if the
-/// campaign has a scatter of them. Each analysis has this number of rows.
+/// campaign has a scatter of them. Each analysis has `rows` rows.
 ///
 /// # Errors
 ///

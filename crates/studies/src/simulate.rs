@@ -117,8 +117,8 @@ pub struct Figures {
     cases: Vec<CaseFigures>,
 }
 
-/// The scatter of manufacture in the samples: slopes, and nothing else. Each deviation lies within ± its
-/// tolerance, three standard deviations.
+/// The scatter of slopes and of the shafts' misalignment in the samples. Each deviation is normal, and its tolerance ±
+/// is three standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Scatter {
     /// Flank tolerance class of ISO 1328-1.

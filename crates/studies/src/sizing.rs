@@ -94,8 +94,8 @@ pub fn run(sizes: Vec<Size>, top: usize) -> anyhow::Result<Vec<Sized>> {
     for (one, verified) in all.iter_mut().zip(verified?) {
         one.verified = verified;
     }
-    // A search judges a design by the samples by which it chose the design. Among the best, verification samples
-    // decide.
+    // The percentile of a search is biased, because the search chose its design by the same samples. Verification
+    // samples therefore order the best `top` sizes.
     let first = top.min(all.len());
     let judged = |one: &Sized| one.verified.map_or(f64::INFINITY, |measure| measure.value);
     all[..first].sort_by(|a, b| judged(a).total_cmp(&judged(b)));

@@ -61,7 +61,8 @@ impl Model {
         Ok(model)
     }
 
-    /// The number of coefficients depends on the path of contact, and so on the design.
+    /// The largest number of coefficients of the surveyed designs. The number depends on the path of contact, and so on
+    /// the design.
     fn most_coefficients(&self) -> usize {
         let designs = self.simulable();
         let modes = designs.filter_map(|design| Some(self.problem.prepare(&design).ok()?.modes()));

@@ -395,7 +395,7 @@ impl Cluster {
                 true
             }
             (_, Some(INTERRUPTED)) => process.is_asked || self.is_drained,
-            // Its simulator has killed it.
+            // The worker's simulator has killed the worker.
             (Who::Worker(_), None) => {
                 self.setup.kills_workers && status.signal() == Some(Signal::KILL.as_raw())
             }

@@ -21,7 +21,7 @@ pub enum Kind {
     Grown,
     /// An external simulator that fails occasionally.
     External,
-    /// The same on one machine: `coordinator run`, which its simulator kills, too.
+    /// An external simulator on one machine: `coordinator run`, which the simulator also kills.
     Alone,
     /// An external simulator that cannot compute one design without a licence.
     Licence,
@@ -157,7 +157,7 @@ impl Kind {
     }
 }
 
-/// The shipped law of wear and load distribution, or the other ones.
+/// The campaign `shipped` with its own law of wear and tooth model, or with others.
 fn law(shipped: String, is_shipped: bool) -> String {
     if is_shipped {
         return shipped;
@@ -166,7 +166,7 @@ fn law(shipped: String, is_shipped: bool) -> String {
     change(&text, "coefficient_per_mpa = 3.5e-7", "max_depth_um = 3.5")
 }
 
-/// The shipped bounds and limits, or some in every other form.
+/// The campaign `shipped` with its own bounds and limits, or with bounds and limits of every other form.
 fn bounds(shipped: String, is_shipped: bool) -> String {
     if is_shipped {
         return shipped;
@@ -188,7 +188,7 @@ fn bounds(shipped: String, is_shipped: bool) -> String {
     )
 }
 
-/// The shipped model and restarts, or other ones.
+/// The campaign `shipped` with its own settings of kriging, or with others.
 fn model(shipped: String, is_shipped: bool) -> String {
     if is_shipped {
         return shipped;

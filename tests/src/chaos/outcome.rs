@@ -172,7 +172,7 @@ fn without_times(text: &str) -> Vec<String> {
     lines.map(kept).collect()
 }
 
-/// Rows that no table exports unchanged: samples, those of optima and infill points, too, and failures.
+/// Rows that no table exports unchanged: all samples, including those of optima and infill points, and failures.
 #[expect(clippy::type_complexity, reason = "it is taken apart at once")]
 fn rows(db: &Path) -> Result<(BTreeMap<String, Vec<(u64, u64)>>, Vec<FailureRow>), Violation> {
     let runtime = tokio::runtime::Builder::new_current_thread()

@@ -100,7 +100,8 @@ impl Body {
         }
     }
 
-    /// The part of the loaded tooth for the places `u` and `v`, per line load that is even along the face.
+    /// Displacement that the body adds to the loaded tooth at the place `u` for a load at `v`, per line load that is
+    /// even along the face and times Young's modulus.
     pub(crate) fn own(&self, u: f64, v: f64) -> f64 {
         let curve = |u: f64| 6.25 * u * (0.8 - u);
         self.constant

@@ -67,7 +67,7 @@ pub(crate) struct Face {
     /// Displacement of the tooth n = 1, 2 ahead for a load on this one: the part that the place on the
     /// flank changes linearly.
     pub(crate) neighbour: [Kernel; 2],
-    /// The same for the part with the product of both places.
+    /// Displacement of the tooth n = 1, 2 ahead: the part that is proportional to the product of both places.
     pub(crate) neighbour_product: [Kernel; 2],
     /// Tilt: φ_0 φ_1′ ∓ φ_1 φ_0′, antisymmetric and symmetric.
     pub(crate) antisymmetric: Kernel,

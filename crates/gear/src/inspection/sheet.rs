@@ -46,10 +46,10 @@ pub struct Sheet {
     pub over_balls: [Option<OverBalls>; 2],
     /// Normal backlash j_bn.
     pub normal_backlash: f64,
-    /// Diameters d_Ca at which tip reliefs start; absent on a tip without.
+    /// Diameters d_Ca at which tip reliefs start; absent without a tip relief.
     pub relief_diameter: [Option<f64>; 2],
-    /// Diameters d_Cf at which a root relief of this gear would end that replaces the mate's tip relief and leaves the
-    /// same gap; absent without a tip relief.
+    /// Diameters d_Cf at which a root relief of this gear would end if it replaced the mate's tip relief with the same
+    /// gap; absent without a tip relief of the mate.
     pub root_relief_diameter: [Option<f64>; 2],
 }
 

@@ -12,7 +12,7 @@ pub(crate) fn groups(columns: &[Vec<f64>], nearly: &[f64], n: usize) -> Vec<Vec<
             groups.extend(connected(columns, nearly, group));
             continue;
         };
-        // Cheap, and enough for few points. Many are a chain in each coordinate alone.
+        // Splitting by single coordinates is cheap and suffices for few points. Many points form one chain in each.
         group.sort_by(|&a, &b| column[a].total_cmp(&column[b]));
         let close = |a: &usize, b: &usize| column[*b] - column[*a] <= nearly[j];
         let parts = group.chunk_by(close).filter(|part| part.len() > 1);
@@ -28,7 +28,7 @@ fn connected(columns: &[Vec<f64>], nearly: &[f64], mut group: Vec<usize>) -> Vec
         let mut sides = columns.iter().zip(nearly);
         sides.all(|(column, nearly)| (column[b] - column[a]).abs() <= *nearly)
     };
-    // The coordinate in which the fewest points are near a given one.
+    // The extent in units of `nearly`. Where it is largest, the fewest points are expected near a given one.
     let spread = |j: &usize| {
         let values = || group.iter().map(|&i| columns[*j][i]);
         let (low, high) = (

@@ -114,7 +114,7 @@ pub(crate) fn minimise(
                 converged = is_hidden;
                 break;
             }
-            // A curvature that led nowhere keeps its diagonal only, doubled.
+            // No step along this curvature was accepted: only its diagonal is kept, doubled.
             for i in 0..n {
                 for j in 0..n {
                     if i != j {

@@ -7,7 +7,7 @@ use crate::likelihood::white_noise;
 use crate::{Error, Warning};
 
 /// Distance from a bound, in the logarithm, within which a parameter counts as at the bound: more
-/// than the first step off a bound, far less than anything a prediction would show.
+/// than the first step away from a bound, and far less than a change that predictions would show.
 const NEAR: f64 = 1e-2;
 /// Multiple of its lower bound below which a variance counts as at the bound: the likelihood is so
 /// flat there that a search may stop on the way.

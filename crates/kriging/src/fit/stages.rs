@@ -20,11 +20,12 @@ const GROWTH: f64 = 2.5;
 const FOLLOWED: usize = 2;
 /// Tolerance of a search on a subset, in place of [`TOLERANCE`].
 pub(super) const SUBSET_TOLERANCE: f64 = 1e-2;
-/// Number of points from which every likelihood is reported: it then takes about a second on one core.
+/// Number of points from which every likelihood is reported. One likelihood then takes about a second on one core.
 const REPORTED: usize = 3000;
 /// Iterations that take the curvature from the likelihood in a search on a subset, which ends early.
 const RENEWED: usize = 3;
-/// Such iterations of the last search, which quasi-Newton updates bring to convergence.
+/// Iterations that take the curvature from the likelihood in the last search, which quasi-Newton updates bring to
+/// convergence.
 const RENEWED_LAST: usize = 2;
 
 /// A maximum of the likelihood and the jitter of its covariance matrices.

@@ -41,7 +41,7 @@ const FALSE_ALARM: f64 = 1e-3;
 /// The most outliers that a warning names.
 const MOST_NAMED: usize = 10;
 
-/// The limit of [`LeaveOneOut::outliers`]. The one of the normal distribution is 4.4 for n = 100 and
+/// The limit of [`LeaveOneOut::outliers`]. The limit by the normal distribution is 4.4 for n = 100 and
 /// 4.9 for n = 1000.
 fn outlier_limit(standardised: &[f64]) -> f64 {
     let n = standardised.len() as f64;

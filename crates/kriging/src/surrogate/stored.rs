@@ -42,7 +42,7 @@ struct StoredModel {
     calibration: f64,
 }
 
-/// The fields that are read first: they tell which others to expect.
+/// The fields that are read first. The version and the method determine the other fields.
 #[derive(Deserialize)]
 struct Header {
     version: u32,

@@ -49,7 +49,7 @@ const WEAR: Wear = Wear {
     life: None,
 };
 
-/// A case as one model and grid sees it.
+/// The measurements of one case with one model and grid.
 struct Measurement<'a> {
     case: &'a Case,
     sample_micros: f64,

@@ -57,7 +57,7 @@ fn counts(available: usize) -> Vec<usize> {
     counts
 }
 
-/// The median times of runs on numbers of processors, which begin with one.
+/// The table of the median times. `measured` has the runs for each number of processors, beginning with one.
 fn table(campaign: &Campaign, measured: &[(usize, Vec<CampaignTimes>)]) -> Table {
     let mut table = Table::new(&COLUMNS);
     let of = |runs: &[CampaignTimes], value: &dyn Fn(&CampaignTimes) -> Option<[f64; 2]>| {

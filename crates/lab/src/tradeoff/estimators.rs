@@ -48,7 +48,7 @@ const COUNTS: [usize; 4] = [10, 30, 100, 500];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Estimator {
-    /// The estimator of a campaign with this key.
+    /// The estimator that a campaign file names with this key.
     Key(EstimatorRule),
     /// m + q s, with q from the residuals of all designs.
     LocationScale,
@@ -308,7 +308,8 @@ mod tests {
         assert!(table.rows.iter().all(|row| row.values[1] >= 1.0));
     }
 
-    /// The reason for the default of `[sampling] percentile`: of all keys it has the smallest greatest regret.
+    /// The reason for the default of `[sampling] estimator`: its greatest regret is at most 5 % above the smallest
+    /// one of all keys.
     #[test]
     fn the_default_key_has_the_least_regret_in_the_worst_case() {
         let paper = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();

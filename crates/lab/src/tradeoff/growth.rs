@@ -35,16 +35,16 @@ pub(crate) const PAIRS: &[view::Pair] = &[view::Pair {
 const VARIABLES: usize = 6;
 /// Standard deviation of the noise of observations.
 const NOISE: f64 = 0.05;
-/// Points that are predicted at.
+/// Number of points of a timed prediction.
 const PREDICTED: usize = 200;
-/// Generations of a search.
+/// Number of generations of a timed search.
 const GENERATIONS: usize = 200;
 
-/// One step, whose task grows in one direction.
+/// A task that is timed at growing sizes.
 struct Step<'a> {
-    /// The panel: the quantity that grows, and of what.
+    /// The panel, named by the quantity that grows and the task, as in `Designs of a DoE`.
     growing: &'static str,
-    /// The other sizes.
+    /// The method, and the sizes that do not grow.
     method: String,
     unit: &'static str,
     sizes: &'a [usize],

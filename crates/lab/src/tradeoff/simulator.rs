@@ -64,7 +64,7 @@ const GRIDS: [[usize; 2]; 10] = [
     [192, 96],
     [256, 128],
 ];
-/// The same for coupled cells, whose finest grid has 96 phases.
+/// Numbers of cells and phases for coupled cells, whose finest grid has 96 phases.
 const COUPLED_GRIDS: [[usize; 2]; 5] = [[64, 12], [64, 16], [64, 24], [64, 32], [64, 48]];
 /// Numbers of samples per design: for the error and for the time.
 const COMPARED: u64 = 4;

@@ -16,7 +16,7 @@ pub struct Pair {
     pub reading: Reading,
 }
 
-/// What cost and error say.
+/// The conclusion that a cost and an error allow.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reading {
     /// The rule chooses a setting.
@@ -142,7 +142,7 @@ impl<'a> View<'a> {
         text
     }
 
-    /// A sentence with the exponent of the power law, and the costs of the least and the greatest size.
+    /// A sentence with the exponent of the power law, and the times of the smallest and the largest size.
     fn growth(&self, rows: &[&Row], points: &[[f64; 2]]) -> String {
         let columns = [self.pair.cost, self.pair.error].map(|i| &*self.table.columns[i]);
         let [(size, _), (cost, unit)] = columns.map(name_and_unit);
@@ -164,7 +164,8 @@ impl<'a> View<'a> {
         )
     }
 
-    /// The panel, if there are several, and the names of error and cost, as short as they stay clear.
+    /// The panel, if there are several, and the names of error and cost. The names are cut at the first comma, unless
+    /// they would then be equal.
     fn title(&self) -> String {
         let columns = [self.pair.error, self.pair.cost].map(|i| &*self.table.columns[i]);
         let names = columns.map(|column| name_and_unit(column).0);

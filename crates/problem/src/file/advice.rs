@@ -158,7 +158,7 @@ fn of_hand(key: &str, angles_deg: &[f64]) -> Option<String> {
     ))
 }
 
-/// Warnings about corrections, of which the largest amount in µm is too small to be made.
+/// Warnings about corrections whose largest amount, in µm, is too small to be made.
 fn of_amounts([tip_relief_um, crowning_um]: [&[f64]; 2]) -> Vec<String> {
     let of = |(key, um): (&str, &[f64])| {
         let most = um.iter().fold(0.0, |most: f64, um| most.max(*um));
@@ -277,7 +277,7 @@ fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) -> Vec<Stri
     warnings.into_iter().flatten().collect()
 }
 
-/// The same for the designs of a campaign.
+/// Warnings about a campaign with designs for which the coupled tooth model was not compared with finite elements.
 fn of_coupled_designs(sections: &GearSections) -> Vec<String> {
     let pair = &sections.pair;
     if pair.tooth_model != ToothModel::Coupled {

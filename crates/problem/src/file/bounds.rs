@@ -260,7 +260,7 @@ impl Setting {
         let Self::Stepped([low, high, step]) = *self else {
             return Vec::new();
         };
-        // The last step is not lost to rounding, and 3 · 0.1 is 0.3.
+        // The small addition keeps a last step that rounding would cut off. `tidy` makes 3 · 0.1 equal 0.3.
         let steps = ((high - low) / step + 1e-9) as usize;
         let tidy = |value: f64| (value * 1e9).round() / 1e9;
         (0..=steps)

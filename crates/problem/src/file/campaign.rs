@@ -21,7 +21,7 @@ pub struct Campaign {
     pub seed: u64,
     /// The kind of problem, with its sections.
     pub kind: Kind,
-    /// `approaches`: those that are asked for; `None` for all that the other sections allow.
+    /// `approaches`: the requested approaches; `None` requests all that the other sections allow.
     pub approaches: Option<Vec<Approach>>,
     /// `[doe]`
     pub doe: Doe,
@@ -106,8 +106,8 @@ impl Campaign {
     }
 
     /// The source of the noise variances of measures that constraints limit: smoothed if all designs have the same
-    /// number of samples. Own variances would draw their models towards designs that seem safe by chance, most of all
-    /// at levels far out.
+    /// number of samples. The models of these measures would be drawn towards designs that seem safe by chance if each
+    /// design had its own variance, most of all at levels near 0 or 1.
     #[must_use]
     pub fn limit_noise(&self) -> Noise {
         let are_equal = self.sampling.precision.is_none();
@@ -119,7 +119,7 @@ impl Campaign {
         self.kriging.noise.unwrap_or(smoothed)
     }
 
-    /// Whether samples follow from random numbers of the campaign itself, and not from those of a program.
+    /// Whether the campaign itself draws the random numbers of a sample; otherwise the program draws them.
     pub(crate) fn has_scores(&self) -> bool {
         match &self.kind {
             Kind::Gears(_) => !self.is_external(),
@@ -225,7 +225,7 @@ impl Campaign {
         self.optimise.direct
     }
 
-    /// `min` and `max` of the responses. They decide which samples are taken, not their values.
+    /// `min` and `max` of the responses. They decide which samples are accepted, not their values.
     fn limits(&self) -> Vec<[Option<f64>; 2]> {
         match &self.kind {
             Kind::Gears(_) => Vec::new(),

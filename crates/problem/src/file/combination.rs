@@ -49,7 +49,7 @@ impl Several {
 }
 
 impl Combination {
-    /// The names of the responses that it depends on.
+    /// The names of the combined responses.
     fn names(&self) -> Vec<&str> {
         match self {
             Self::One(name) => vec![name],
@@ -60,7 +60,7 @@ impl Combination {
         }
     }
 
-    /// The indices of its responses in `responses`. The error is the first name that is not among them.
+    /// The indices of the combined responses in `responses`. The error is the first name that `responses` lacks.
     pub(crate) fn places(&self, responses: &[ResponseSection]) -> Result<Vec<usize>, &str> {
         let place = |name| {
             let place = responses.iter().position(|one| one.name == name);
@@ -100,7 +100,7 @@ impl Combination {
         Ok(())
     }
 
-    /// The name and the unit of a response or of a combination of responses; of the first response without one.
+    /// The name and the unit of a response or of a combination of responses; those of the first response for `None`.
     pub(super) fn quantity(response: Option<&Self>, responses: &[ResponseSection]) -> Quantity {
         let unit = |name: &str| {
             let found = responses.iter().find(|one| one.name == name);

@@ -68,8 +68,8 @@ impl ConstraintSection {
         self.max.or(self.min)
     }
 
-    /// The fewest samples that can show with a confidence of 95 % that a probability keeps its limit, when all of them
-    /// are on the good side. `None` for another measure.
+    /// The smallest number of samples that show with a confidence of 95 % that a probability keeps its limit if none of
+    /// them is on the bad side. `None` for another measure.
     fn samples_to_show(&self) -> Option<u32> {
         self.limited().filter(Objective::is_probability)?;
         let bad = match (self.max, self.min) {

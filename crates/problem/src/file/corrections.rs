@@ -260,7 +260,7 @@ const MOST_UM: f64 = 1000.0;
 /// Shortest and longest relieved part, in mm along the path of contact.
 const RELIEF_LENGTH_MM: [f64; 2] = [1e-3, 1000.0];
 
-/// The valid corrections along the face with a tooth model that has one gap for the whole face.
+/// The valid value of corrections along the face, in errors for a tooth model that has one gap for the whole face.
 pub(super) const WITHOUT_CROWNING: &str = "absent when pair.tooth_model is \"whole-face-beam\", which \
                                            has one gap for the whole face";
 

@@ -175,7 +175,7 @@ const RESERVED: [&str; 22] = [
 ];
 
 impl ExternalSections {
-    /// The name and the unit of a response or of a combination of responses; of the first response without one.
+    /// The name and the unit of a response or of a combination of responses; those of the first response for `None`.
     pub(crate) fn response_of(&self, response: Option<&Combination>) -> Quantity {
         Combination::quantity(response, &self.responses)
     }
@@ -288,7 +288,7 @@ impl ExternalSections {
         })
     }
 
-    /// Checks that the result file tells every response, and nothing else, if its lines are described.
+    /// Checks that `simulator.read`, if it has entries, has one for each response and no others except `refused`.
     pub(super) fn validate_read(
         &self,
         source: Source<'_>,

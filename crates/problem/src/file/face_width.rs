@@ -23,7 +23,7 @@ pub enum FaceWidth {
 }
 
 impl FaceWidth {
-    /// Those of pinion and mate, mm.
+    /// The face widths of pinion and mate, mm.
     #[must_use]
     pub const fn each(self) -> [f64; 2] {
         match self {

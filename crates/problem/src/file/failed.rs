@@ -41,7 +41,7 @@ impl Sampling {
         }
     }
 
-    /// The estimate from samples of which `failed` have failed.
+    /// The estimate of the measure if `failed` of the samples have failed.
     pub(super) fn estimate_of_others(&self, samples: &[f64], failed: usize) -> stats::Choice {
         let finite: Vec<f64> = samples.iter().copied().filter(|s| s.is_finite()).collect();
         let share = failed as f64 / samples.len() as f64;
@@ -91,8 +91,8 @@ impl Sampling {
         sd: f64,
     ) -> Option<stats::Choice> {
         let rest = 1.0 - share;
-        // The level among the others, and its derivative by the share. Failed samples lie below all others where
-        // large values are good.
+        // The level among the other samples, and its derivative by the share. Failed samples count as the
+        // smallest values if the response is maximised, and as the largest ones if it is minimised.
         let (level, by_share) = match self.objective.aim {
             Aim::Maximise => ((level - share) / rest, (level - 1.0) / rest.powi(2)),
             Aim::Minimise => (level / rest, level / rest.powi(2)),
@@ -114,7 +114,7 @@ impl Sampling {
         Some(estimate)
     }
 
-    /// The probability of all samples, of which a `share` has failed and lies on the bad side.
+    /// The probability over all samples. The failed `share` counts as being on the bad side of the limit.
     fn probability_of_others(
         &self,
         finite: &[f64],

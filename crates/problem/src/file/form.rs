@@ -364,7 +364,7 @@ impl Campaign {
     ///
     /// # Errors
     ///
-    /// Another version of the program wrote it in a format of its own.
+    /// The text has the format of another version of the program.
     pub fn stored(text: &str) -> Result<Self, FileError> {
         Self::parse("the store's campaign file", text)
     }

@@ -112,8 +112,8 @@ impl Penalty {
 }
 
 impl GearSections {
-    /// Whether a limit takes criteria with [details](crate::formulation::gears::GearDetails). Campaigns that limit a
-    /// case's ΔSTE have them, too, so that the number of criteria tells their form.
+    /// Whether the criteria have [details](crate::formulation::gears::GearDetails): if a limit needs them, and in
+    /// campaigns that limit a case's ΔSTE, because the bounds of limited measures may only follow the details.
     pub(crate) fn need_details(&self) -> bool {
         let mut cases = self.load.cases.iter();
         self.constraints.need_details() || cases.any(|case| case.delta_ste_max_um.is_some())

@@ -64,7 +64,7 @@ impl GearLimits {
         .any(Option::is_some)
     }
 
-    /// The same limits for pairs with or without tip relief.
+    /// The limits with the default of `pure_involute_min_mm`: zero for pairs with tip relief, none for others.
     pub(crate) fn of_relieved(self, is_relieved: bool) -> Self {
         let least = is_relieved.then_some(0.0);
         Self {

@@ -42,7 +42,7 @@ pub struct LoadCase {
     pub delta_ste_max_um: Option<f64>,
 }
 
-/// The whole wear under the load's torque.
+/// The case of a load without `[[load.cases]]`: the whole wear under the load's torque.
 impl Default for LoadCase {
     fn default() -> Self {
         Self {
@@ -59,7 +59,7 @@ impl Default for LoadCase {
 const MOST_CASES: usize = 8;
 
 impl Load {
-    /// The cases, of which there is at least one: the whole wear under the load's torque.
+    /// The cases of `[[load.cases]]`, or the [default](LoadCase::default) case without that section.
     #[must_use]
     pub fn all_cases(&self) -> Vec<LoadCase> {
         match self.cases.is_empty() {
@@ -94,7 +94,8 @@ impl Load {
         Some(weights.iter().map(|weight| weight / sum).collect())
     }
 
-    /// The combination of the ΔSTE of all cases that counts, and the places of the cases in it; `None` without cases.
+    /// The combination of the cases' ΔSTE that is measured, and the index of the case for each of its terms; `None`
+    /// without cases.
     pub(crate) fn combination(&self) -> Option<(Several, Vec<usize>)> {
         let names = self.case_names();
         let Some(weights) = self.weights() else {
@@ -108,7 +109,7 @@ impl Load {
         Some((Several::Sum(sum), places))
     }
 
-    /// The ΔSTE that counts, combined from those in all cases.
+    /// The measured ΔSTE, combined from the `values` in all cases.
     pub(crate) fn combined(&self, values: &[f64]) -> f64 {
         match self.combination() {
             None => values[0],

@@ -78,7 +78,7 @@ impl Sampling {
     pub fn difference(&self, first: &[f64], second: &[f64]) -> Option<IntervalEstimate> {
         let measure = self.measure();
         if self.failed == FailedSamples::LeftOut {
-            // A pair lacks its numbers where one of the two failed.
+            // A pair of samples is left out if one of the two failed.
             let pairs = first.iter().zip(second);
             let pairs = pairs.filter(|(a, b)| a.is_finite() && b.is_finite());
             let (first, second): (Vec<f64>, Vec<f64>) = pairs.unzip();
@@ -217,7 +217,7 @@ mod tests {
         // Tables of the normal distribution: z(0.995) = 2.575829.
         assert!((high.normal().z - 2.575_829).abs() < 1e-6);
         let samples: Vec<f64> = (0..40).map(f64::from).collect();
-        // Too few for an interval, and by rank the largest of them.
+        // 40 samples are too few for an interval, and the percentile is the largest of them.
         let verified = high.verified(&samples).unwrap();
         assert_eq!((verified.value, verified.interval), (39.0, None));
         assert_eq!(high.verified_min_samples(), 736);

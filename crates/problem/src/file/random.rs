@@ -151,7 +151,7 @@ impl RandomSection {
         }
     }
 
-    /// Requires that numbers without a formula among them make a distribution.
+    /// Requires that the parameters make a distribution, if all of them are numbers.
     fn validate_numbers(&self, source: Source<'_>, section: &str) -> Result<(), FileError> {
         let keys = self.distribution.parameters();
         let number = |key: &&str| match self.parameter(key) {
@@ -161,7 +161,7 @@ impl RandomSection {
         let Some(numbers) = keys.iter().map(number).collect::<Option<Vec<f64>>>() else {
             return Ok(());
         };
-        // `validate` checks the values of a table by themselves.
+        // `validate` checks the values of a table.
         let makes_one = Marginal::new(self.distribution, &numbers, &[0.0, 1.0]).is_some();
         source.require(
             makes_one,

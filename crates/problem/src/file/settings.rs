@@ -61,7 +61,7 @@ impl TableRows {
     }
 }
 
-/// Relative change of the criterion below which a run gains nothing more: far below the error of any percentile.
+/// Relative improvement of the criterion below which a restarted run ends: far below the error of any percentile.
 const TOLERANCE: f64 = 1e-6;
 
 /// `[optimise]`: the settings of CMA-ES.
@@ -163,10 +163,11 @@ impl Doe {
 }
 
 impl Verify {
-    /// Number of samples that tell how many an interval takes. They are enough for an interval at every
-    /// level from 0.001 to 0.999.
+    /// Number of first samples, from which the number for a half width is estimated. They are enough for an interval
+    /// at every level from 0.001 to 0.999.
     pub const PILOT: u32 = 4000;
-    /// Largest number of samples that follows from an interval, since a percentile may be zero.
+    /// Maximum of the number that is estimated from a half width. Without it the number would grow without bound for a
+    /// percentile near zero.
     const MOST: u32 = 100_000;
     /// The half width for the built-in simulator, which takes 0.05 s for the samples.
     const HALF_WIDTH: f64 = 0.005;
@@ -204,8 +205,8 @@ impl Verify {
         }
     }
 
-    /// Number of samples of an optimum whose first ones have this percentile; as many as
-    /// [`Verify::first`] if `pilot` has no interval.
+    /// Number of samples of an optimum, estimated from the percentile `pilot` of its first samples;
+    /// [`Verify::first`] if no half width is given or `pilot` has no interval.
     #[must_use]
     pub fn wanted(&self, pilot: &stats::IntervalEstimate) -> u32 {
         let (Some(aim), Some((low, high))) = (self.half_width, pilot.interval) else {

@@ -76,16 +76,16 @@ pub struct UmBridgeSection {
 }
 
 impl SimulatorSection {
-    /// The most designs behind a model digest.
+    /// Maximum number of designs that are simulated for a model digest.
     pub const MAX_PROBE_DESIGNS: u32 = 12;
-    /// Default number of designs behind the model digest.
+    /// Default of [`SimulatorSection::probe_designs`].
     const PROBE_DESIGNS: u32 = 3;
     /// Default of [`SimulatorSection::attempts`].
     const ATTEMPTS: u32 = 3;
     /// Default of [`SimulatorSection::retry_s`].
     const RETRY_S: f64 = 60.0;
 
-    /// Number of designs behind the model digest of an external program.
+    /// Number of designs that are simulated for the model digest of an external program.
     #[must_use]
     pub fn probe_designs(&self) -> u32 {
         self.probe_designs.unwrap_or(Self::PROBE_DESIGNS)
@@ -97,7 +97,7 @@ impl SimulatorSection {
         self.attempts.unwrap_or(Self::ATTEMPTS)
     }
 
-    /// How long everything may fail.
+    /// How long all requests may fail before the campaign goes on without the failing ones.
     #[must_use]
     pub fn retry_for(&self) -> Duration {
         Duration::from_secs_f64(self.retry_s.unwrap_or(Self::RETRY_S))

@@ -36,7 +36,7 @@ impl InvalidValue {
         Self::in_words(key, "missing", expected)
     }
 
-    /// Something about `key` that is described instead of shown.
+    /// A fault of `key` with `found` in words instead of a value.
     pub(super) fn in_words(
         key: &str,
         found: impl Into<String>,
@@ -82,7 +82,7 @@ impl InvalidValue {
 fn shown(value: &impl Serialize) -> String {
     fn of(value: &toml::Value) -> String {
         match value {
-            // With an exponent where the number is very small or large.
+            // Very small and very large numbers get an exponent.
             toml::Value::Float(number) => format!("{number:?}").to_lowercase(),
             toml::Value::Array(values) => {
                 let values: Vec<String> = values.iter().map(of).collect();
@@ -182,7 +182,7 @@ impl Source<'_> {
         Ok(parsed)
     }
 
-    /// Refuses keys of `section` that the file leaves to `chooser`.
+    /// Refuses keys of `section` whose values `chooser` sets.
     pub(crate) fn leaves_to(
         self,
         section: &str,

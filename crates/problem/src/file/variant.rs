@@ -19,10 +19,10 @@ pub struct Dimensions {
 }
 
 impl Campaign {
-    /// The same campaign with another number of pinion teeth, and the text of its file, which
-    /// parses to it. The number is appended to its name. It leaves out the comparison with the
-    /// paper, whose designs have one tooth number. The mate's number follows from the ratio, or is
-    /// unchanged; the module follows from the centre distance, or the reverse.
+    /// The campaign with another number of pinion teeth, and the text of its file. The number is appended to the
+    /// campaign's name. The comparison with the paper is switched off, because the paper's designs all have one
+    /// number of teeth. The mate's number follows from the ratio, or is unchanged; the module follows from the centre
+    /// distance, or the reverse.
     ///
     /// `file` names the original in errors.
     ///

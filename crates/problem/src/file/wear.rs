@@ -50,7 +50,7 @@ pub(super) struct WearSection {
 impl Default for WearSection {
     fn default() -> Self {
         let mut section = Self::from(WEAR);
-        // Another number may give the law.
+        // The default depth applies only if no other number gives the amount of wear.
         section.max_depth_um = None;
         section
     }

@@ -1,4 +1,4 @@
-//! Which numbers can be samples and responses of a problem.
+//! Checks of the numbers that a simulator returns as samples and responses.
 
 use super::{Formulation, Problem, external, gears};
 

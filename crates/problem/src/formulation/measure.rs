@@ -214,7 +214,7 @@ impl ResponseMeasure {
         if !self.keeps_limit(verified.value) {
             return Some(0.0);
         }
-        // An interval that is too wide for its samples does not show that the limit holds.
+        // Without an interval, because the samples are too few for the level, the limit counts as not shown to hold.
         let (mut shown, mut open) = (0.5, 0.9999);
         holds(shown + 1e-3)?;
         if holds(open) == Some(true) {

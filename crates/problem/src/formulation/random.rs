@@ -74,7 +74,7 @@ impl RandomInputs {
         })
     }
 
-    /// The means of the inputs at a design, at which it is evaluated without random effects.
+    /// The means of the inputs at a design. Evaluations without random effects use them.
     ///
     /// # Errors
     ///

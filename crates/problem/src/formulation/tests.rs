@@ -337,7 +337,7 @@ fn corrections_are_variables_that_are_free_fixed_or_tied() {
     assert!((corrections.crowning - 0.002).abs() < 1e-15);
     assert!((corrections.helix_slope - 0.002).abs() < 1e-15);
 
-    // The mate's relief is the pinion's, and what has no key is zero.
+    // The mate's relief is the pinion's, and a correction without a key is zero.
     let tied = corrected(
         "tip_relief_um = { pinion = [0.0, 20.0], mate = \"tied\" }\ntip_relief_length_mm = 1.5",
     );

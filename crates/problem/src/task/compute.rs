@@ -315,8 +315,8 @@ fn ruled_out(problem: &Problem, design: &Design, responses: &[f64]) -> Option<St
     Some(format!("{RULED_OUT}: {}", broken.join(", ")))
 }
 
-/// The number of a design's first samples that no program is asked for: those that the campaign file has, or all of
-/// them if the responses that it has rule the design out.
+/// The number of a design's first samples that the program is not asked for: the number of samples in the campaign
+/// file, or [`u32::MAX`] if the responses in the campaign file rule the design out.
 #[must_use]
 pub fn samples_not_asked(problem: &Problem, design: u64) -> u32 {
     let is_out = problem.own_responses(design).is_some_and(|responses| {
@@ -329,8 +329,8 @@ pub fn samples_not_asked(problem: &Problem, design: u64) -> u32 {
     }
 }
 
-/// The key of the random streams of a design's samples, apart from the sample, and the scheme by
-/// which their wear coefficients are drawn.
+/// The name of the random streams of a design's samples without the sample's index, and the scheme by
+/// which the wear coefficients of the samples are drawn.
 #[derive(Debug, Clone, Copy)]
 struct Names {
     seed: u64,

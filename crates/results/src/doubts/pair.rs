@@ -6,7 +6,7 @@ use problem::formulation::{Design, Problem};
 
 use crate::number::significant;
 
-/// Distance of an overlap ratio from a whole number within which slices see no variation.
+/// Distance of the overlap ratio from a whole number within which ΔSTE is least and changes fast.
 const WHOLE: f64 = 0.03;
 /// Share of the path of contact above which a tip relief leaves too little unmodified.
 const MOST_RELIEF: f64 = 0.5;
@@ -47,7 +47,7 @@ pub fn of_design(problem: &Problem, design: &Design) -> Vec<String> {
     let Some(gears) = problem.gears().filter(|_| built_in) else {
         return Vec::new();
     };
-    // A campaign with a load case of new flanks compares designs new already.
+    // The comparison with new flanks is left out if a load case of the campaign has new flanks.
     let sections = problem.campaign().gears();
     let cases = sections.map_or(&[][..], |sections| &sections.load.cases);
     let compares_new = cases.iter().any(|case| case.wear == 0.0);
@@ -72,7 +72,7 @@ pub fn of(pair: &Pair, loaded: &Loaded) -> Vec<String> {
             g.eps_beta
         ));
     }
-    // The file's warnings cover the model that was compared with finite elements over a range.
+    // The warnings of the file cover the coupled model.
     let width = g.face_width / g.normal_module;
     if input.tooth_model != ToothModel::Coupled && !Range::FACE_WIDTH.contains(width) {
         let [low, high] = Range::FACE_WIDTH.limits;
@@ -121,7 +121,7 @@ fn of_load(pair: &Pair, pressure_mpa: f64) -> Option<String> {
     ))
 }
 
-/// Doubts about ΔSTE, and about a pair that is louder when new than when worn.
+/// Doubts about an implausible ΔSTE, and about a ΔSTE that is larger with new flanks than with worn ones.
 fn of_transmission_error(loaded: &Loaded) -> Vec<String> {
     let new = loaded.delta_ste_um;
     let [least, most] = DELTA_STE_UM;

@@ -7,9 +7,9 @@ use crate::number::{percent, shortest};
 use crate::report::variable_name;
 use crate::snapshot::Snapshot;
 
-/// The distance from a bound, relative to the range, within which a value is at it.
+/// Distance from a bound, relative to the range, within which a value counts as at the bound.
 const AT_BOUND: f64 = 1e-3;
-/// The share of the observations that their leave-one-out intervals promise to contain.
+/// Nominal coverage of the leave-one-out intervals.
 const PROMISED: f64 = 0.9;
 
 /// The doubts that the rows of a campaign show.
@@ -48,8 +48,8 @@ fn at_bounds(snapshot: &Snapshot) -> Vec<String> {
         .collect()
 }
 
-/// A doubt about the model's intervals, if fewer observations lie within theirs than chance explains: more than two
-/// standard deviations of the binomial distribution below the promised share.
+/// A doubt about the model's intervals, if their coverage lies more than two standard deviations of the binomial
+/// distribution below the nominal one.
 fn of_coverage(problem: &Problem, model: &ModelSummary) -> Option<String> {
     let observations = model.residuals.len() as f64;
     let deviation = (PROMISED * (1.0 - PROMISED) / observations).sqrt();

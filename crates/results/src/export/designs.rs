@@ -112,8 +112,8 @@ impl DesignRecord<'_> {
             return reason.to_owned();
         }
         let (samples, wanted) = (self.samples, u64::from(sampling.samples_per_design));
-        // A design that was quarantined before it reached the precision has a response of the samples
-        // that it got.
+        // A design that was quarantined before it reached the precision has a response, computed from the samples
+        // taken until then.
         let is_precise = sampling.precision.is_none_or(|precision| {
             samples >= u64::from(sampling.samples_max())
                 || self
@@ -203,7 +203,7 @@ mod tests {
             reason(&plain, Some(Some("undercut: deep")), 0, None, None),
             "undercut: deep"
         );
-        // A retry cured it.
+        // A failure is no reason after a successful retry.
         assert_eq!(reason(&plain, simulated, 30, Some(1.0), failed), "");
     }
 

@@ -55,7 +55,7 @@ pub(super) async fn write<W: Write + Send>(
     out.finish()
 }
 
-/// The row of an evaluation, of which `first` names the run.
+/// The row of an evaluation; `first` holds the cells that name the run.
 fn cells(problem: &Problem, first: Vec<Cell>, row: EvaluationRow) -> Vec<Cell> {
     let mut cells = first;
     cells.push(row.evaluation.into());
@@ -65,7 +65,7 @@ fn cells(problem: &Problem, first: Vec<Cell>, row: EvaluationRow) -> Vec<Cell> {
         row.refused.unwrap_or_default(),
         row.value,
     ]);
-    // Those that decide whether the design is feasible.
+    // The criteria that decide whether the design is feasible.
     let criteria = row.worn_criteria.or(row.criteria);
     cells.extend(numbers(criteria.as_deref(), problem.deterministic().len()));
     let samples = row.samples.unwrap_or_default();

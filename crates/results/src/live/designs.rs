@@ -21,7 +21,7 @@ use crate::running::Z95;
 
 /// Maximum number of preliminary measures computed at a time.
 const DESIGNS_AT_ONCE: usize = 500;
-/// Approximate maximum number of samples that they are computed from.
+/// Approximate maximum number of samples that are read for preliminary measures at a time.
 const SAMPLES_AT_ONCE: usize = 100_000;
 
 /// The designs with their measures.

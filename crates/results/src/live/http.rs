@@ -55,7 +55,7 @@ const NO_DESCRIPTOR: Duration = Duration::from_millis(5);
 const HEARTBEAT: Duration = Duration::from_secs(10);
 /// Time without a request after which all open pages have fetched the views of the last status.
 const FAREWELL: Duration = Duration::from_secs(1);
-/// Maximum time for these requests.
+/// Maximum time to wait for the last requests, and then for the connections to end.
 const LONGEST_FAREWELL: Duration = Duration::from_secs(3);
 
 /// Serves a site on `listener` until `stop`.
@@ -137,7 +137,7 @@ async fn attend(
         let answer = router.call(request);
         async move {
             let answer = answer.await?;
-            // The body has the guard until it is sent: `map_err` keeps its length.
+            // The body holds the guard until it is sent. `map_err` keeps the body's length.
             let keep = move |error| {
                 let _ = &being_sent;
                 error

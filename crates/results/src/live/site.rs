@@ -293,8 +293,8 @@ impl Site {
         self.sent.receiver_count() > 0
     }
 
-    /// Makes sure that the views that follow a last status are up to date. The locks wait for a reader at work,
-    /// which would otherwise keep its older view afterwards.
+    /// Clears the cached views, so that views requested after the last status are up to date. The locks wait for a view
+    /// that is being made, which would otherwise be cached afterwards.
     async fn forget_views(&self) {
         {
             let _reading = self.reading_status.lock().await;
@@ -415,7 +415,7 @@ fn of_status(view: View) -> Option<fn(&Status) -> Body> {
 }
 
 impl Body {
-    /// A view, with the version that all have except the status, which has its own.
+    /// A view other than the status, with the schema version added. The status has a version of its own.
     fn of_view(view: impl Serialize) -> Self {
         Self::of(&VersionedObject::new(view))
     }

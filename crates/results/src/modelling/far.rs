@@ -6,7 +6,7 @@ use crate::number::rounded;
 /// largest of Cauchy-distributed numbers exceeds the second largest 10⁴ times in one table in ten thousand.
 const FACTOR: f64 = 1e4;
 
-/// The share of a column's cells that may be far from the rest: more of them are a group of their own.
+/// At most one in `SHARE` of a column's cells may be far from the rest. More of them are a group of their own.
 const SHARE: usize = 10;
 
 /// A warning if up to a tenth of a column's `values`, one of them at least, are very much larger than all

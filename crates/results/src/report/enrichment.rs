@@ -19,7 +19,7 @@ pub struct Enrichment {
     pub rounds: Vec<EnrichmentRound>,
     /// δ of the stopping rule, in the response's unit.
     pub tolerance: f64,
-    /// The reason of the enrichment's end, in a sentence; empty before.
+    /// Why the enrichment ended, in a sentence; empty while it continues.
     pub stop: String,
     /// Samples of the DoE that the first round rests on.
     pub doe_samples: u64,
@@ -133,7 +133,7 @@ pub fn rounds(
         doe_samples: 0,
         verified: verified.map(|verified| verified.value),
         interval_of_estimate: recommendation.zip(verified).and_then(|(best, verified)| {
-            // Both are uncertain, the model and the verification.
+            // The half width combines the model's uncertainty and the verification's.
             let (low, high) = verified.interval?;
             let half = best.half_width().hypot(0.5 * (high - low));
             Some((best.predicted - half, best.predicted + half))

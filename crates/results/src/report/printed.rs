@@ -146,7 +146,7 @@ fn preliminary(snapshot: &Snapshot) -> Vec<PreliminaryDesign> {
     let rows = paper::PRELIMINARY.iter().enumerate();
     rows.filter_map(|(row, printed)| {
         let samples = snapshot.printed.get(&Place::Preliminary(row))?;
-        // As many as the paper's: the p value falls with the number of samples.
+        // The test takes as many samples as the paper's, because the p value falls with the number of samples.
         let samples = &samples[..samples.len().min(paper::ACCURATE_SAMPLES)];
         let plain = ControlledSamples::plain(samples);
         let response = responses::response(0, plain, &of_paper).ok()?;

@@ -74,7 +74,7 @@ pub(crate) fn values(list: &[NamedValue]) -> Vec<String> {
 /// Value, limit and margin of each constraint with their units, to a common precision.
 pub(crate) fn limits(constraints: &[Constraint]) -> Vec<[String; 3]> {
     let numbers = constraints.iter().flat_map(|one| {
-        // No zero with a sign.
+        // The subtraction from zero avoids −0.
         let margin = 0.0 - one.excess;
         [one.value, one.limit, margin].map(|number| (number, &*one.unit))
     });

@@ -108,7 +108,7 @@ fn margins(constraints: &[Constraint]) -> impl Iterator<Item = [String; 4]> {
     })
 }
 
-/// The same of a constraint on samples, whose margin is the confidence that it holds.
+/// Quantity, margin, value and limit of a constraint on samples. Its margin is the confidence that it holds.
 fn limit(limit: &VerifiedLimit) -> [String; 4] {
     let VerifiedLimit {
         constraint,

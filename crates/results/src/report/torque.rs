@@ -7,7 +7,7 @@ use stats::streams::{Purpose, stream};
 const TORQUES: [f64; 12] = [
     10.0, 25.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0, 115.0, 130.0, 150.0,
 ];
-/// Randomly worn pairs behind the band.
+/// Maximum number of randomly worn pairs from which the band is computed.
 const BAND_SAMPLES: u32 = 60;
 
 /// ΔSTE of a pair at several torques. Its flanks are worn at the torque that it is designed for.
@@ -15,13 +15,13 @@ const BAND_SAMPLES: u32 = 60;
 pub struct TorqueCurves {
     /// Torques on the pinion, N·m.
     pub torque_nm: Vec<f64>,
-    /// The torque that the pair is designed for, N·m; one of these.
+    /// The torque that the pair is designed for, N·m; one of `torque_nm`.
     pub design_nm: f64,
-    /// Unworn, µm.
+    /// ΔSTE of the unworn pair at each torque, µm.
     pub unworn_um: Vec<f64>,
-    /// With the mean wear, µm; may be empty.
+    /// ΔSTE with the mean wear at each torque, µm; may be empty.
     pub worn_um: Vec<f64>,
-    /// P10 and P90 over random wear, µm; may be empty.
+    /// P10 and P90 of ΔSTE over random wear at each torque, µm; may be empty.
     pub band_um: [Vec<f64>; 2],
 }
 
@@ -32,7 +32,7 @@ pub struct RandomFlanks {
     pub scatter: Scatter,
     /// The seed of the random numbers.
     pub seed: u64,
-    /// Number of pairs, of which at most 60 are drawn.
+    /// Number of pairs; at most 60 are drawn.
     pub samples: u32,
 }
 

@@ -13,7 +13,7 @@ const PROFILES: u64 = 10;
 /// Wear depths along one flank (Figure 2).
 #[derive(Debug, Clone, PartialEq)]
 pub struct WearProfiles {
-    /// Which flank and which design, for the caption.
+    /// The flank and the design, for the caption.
     pub subject: String,
     /// Roll angles, rad.
     pub roll_angle_rad: Vec<f64>,

@@ -79,7 +79,7 @@ struct Curves {
     torque: TorqueCurves,
     /// Places on the path of contact, mm from the pinion's base tangent point.
     place: Vec<f64>,
-    /// The pitch point, mm from there.
+    /// The pitch point, mm from the pinion's base tangent point.
     pitch: f64,
     /// Unworn and worn pressure, MPa; the latter is empty without wear.
     pressure: [Vec<f64>; 2],

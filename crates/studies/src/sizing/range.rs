@@ -112,7 +112,7 @@ impl Range {
     }
 }
 
-/// The values of a list, or once the campaign's.
+/// The values of a list; one `None`, which stands for the campaign's own value, if the list is empty.
 fn listed<T: Copy>(list: &[T]) -> Vec<Option<T>> {
     match list.is_empty() {
         true => vec![None],

@@ -66,7 +66,7 @@ fn crash(outcome: &mut Outcome) -> Result<(), EntryError> {
     for worker in &workers {
         let mut grant = lease(&mut ledger, worker, now)?;
         if grant.units[0].0.stream != ONE {
-            // The suspect comes last.
+            // The design that has crashed a worker is leased after all others.
             ledger.deliver(worker, grant.lease, &all_of(&grant), now);
             grant = lease(&mut ledger, worker, now)?;
         }

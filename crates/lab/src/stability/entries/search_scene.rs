@@ -32,7 +32,7 @@ pub(super) fn run<E: Into<Evaluation>>(
 
 pub(super) const FROM_BEST: Restarts = Restarts::FromBest;
 
-/// (5, 10) selection and a step of 0.3.
+/// Options with (5, 10) selection and a step of 0.3.
 pub(super) fn ten_candidates(bounds: Bounds) -> Options {
     Options {
         population: 10,

@@ -11,8 +11,8 @@ pub(super) enum Delimiter {
 }
 
 impl Delimiter {
-    /// All delimiters, the first one of equally good ones first: a semicolon or a tab is chosen where commas
-    /// are decimal.
+    /// All delimiters, in the order of preference between equally good ones: a semicolon or a tab is preferred to a
+    /// comma, which may be decimal.
     pub(super) const ALL: [Self; 5] = [
         Self::Is('\t'),
         Self::Is(';'),
@@ -156,7 +156,7 @@ impl<'a> Records<'a> {
         false
     }
 
-    /// Takes what comes before the first character for which `is_end` holds.
+    /// Takes the text before the first character for which `is_end` holds.
     fn until(&mut self, is_end: impl Fn(char) -> bool) -> &'a str {
         let length = self.rest.find(is_end).unwrap_or(self.rest.len());
         let (taken, rest) = self.rest.split_at(length);

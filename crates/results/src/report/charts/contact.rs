@@ -43,7 +43,7 @@ pub fn contact(pattern: &ContactPattern) -> Result<Picture, Error> {
             points: Vec::new(),
         })
         .collect();
-    // Neighbours of one shade in a row are one rectangle.
+    // Neighbours of the same shade in a row are drawn as one rectangle.
     for (s, row) in along.iter().zip(&pattern.pressure_mpa) {
         let shades = row.iter().map(|p| loaded(p).then(|| shade(*p)));
         let shades: Vec<(usize, Option<usize>)> = shades.enumerate().collect();

@@ -212,7 +212,7 @@ fn scale_bar(canvas: &mut Canvas, at: [f64; 2], scale: f64, width: f64) {
         vec![[end, at[1] - 4.0], [end, at[1] + 4.0]],
     ];
     let text = format!("{} mm", number::significant(length, 1));
-    // On its own ground, since gear bodies and circles pass behind it.
+    // The bar has a background, because gear bodies and circles pass behind it.
     canvas.rect(
         [at[0] - 6.0, at[1] - 9.0],
         [end + text_width(&text) + 18.0, at[1] + 8.0],

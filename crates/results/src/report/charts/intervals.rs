@@ -137,7 +137,7 @@ fn with_bars(
         colour,
         points: middle(points),
     });
-    // The bars last: they are shorter than a ring where samples are many.
+    // Bars are drawn after the marks: with many samples a bar is shorter than a ring and would be hidden.
     series.rotate_right(1);
     series
 }

@@ -23,8 +23,8 @@ pub struct ResponseMap {
     pub best: Option<[f64; 2]>,
 }
 
-/// The response of designs over two of their coordinates. Colours have as many designs
-/// each, since a few large values would leave a scale of equal steps with one colour.
+/// The response of designs over two of their coordinates. Every colour has the same number of designs: with classes
+/// of equal width, a few large values would give nearly all designs one colour.
 ///
 /// # Errors
 /// [`Error::NothingToDraw`] without a finite response.

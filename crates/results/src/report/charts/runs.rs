@@ -11,8 +11,8 @@ use crate::sheet::amplitude;
 /// Dash patterns, so that lines differ by more than colour.
 const DASHES: [&str; 4] = ["", "8 3", "3 2", "10 3 2 3"];
 
-/// Beyond this ratio of greatest to least, a linear axis would hide the end of a run: a start at a
-/// design that cannot be simulated counts 100, an optimum about one.
+/// Ratio of greatest to least value above which the vertical axis is logarithmic. A linear axis would hide the end of
+/// a run: a start at a design that cannot be simulated counts 100, an optimum about one.
 const LOG_FROM_RATIO: f64 = 8.0;
 
 /// The vertical axis ends at the highest of the starts' best values after 1/`CUT` of their evaluations.
@@ -52,7 +52,7 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
     if let Some(ring) = rings.iter_mut().find(|ring| !ring.points.is_empty()) {
         ring.name = Some("restart".to_owned());
     }
-    // The first values are many times as high as the rest, which shows the descent.
+    // The axis leaves out the first values, which are many times as high as the rest.
     let values = || series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     let least = values().fold(f64::INFINITY, f64::min);
     let early = series.iter().filter_map(|s| {
@@ -161,7 +161,7 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
         if values.is_empty() {
             continue;
         }
-        // At the frequency of every other point an amplitude has no meaning.
+        // Orders from the Nyquist frequency on have no meaningful amplitude.
         let orders = ORDERS.min(values.len().saturating_sub(2) / 2);
         let points = (1..=orders).map(|n| [n as f64, amplitude(&curves.phase, values, n)]);
         let points: Vec<[f64; 2]> = points.collect();

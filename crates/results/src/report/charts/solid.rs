@@ -15,9 +15,9 @@ const VIEW: [f64; 3] = [-0.48, 0.46, 0.747];
 const LIGHT: [f64; 3] = [-0.35, 0.85, 0.4];
 /// Shades of a gear's surfaces, dark to light.
 const SHADES: usize = 3;
-/// Most by which the far end of a layer is turned, rad: half a tooth's thickness is about this.
+/// Wanted rotation of a layer's far end against its near end, rad: about half a tooth's thickness.
 const LAYER_TWIST: f64 = 0.04;
-/// An outline's points are left out where the line stays this close to them, px.
+/// Points of an outline closer than this to the line without them are left out, px.
 const TOLERANCE: f64 = 0.3;
 const MARGIN: f64 = 10.0;
 const TOP: f64 = 48.0;
@@ -95,7 +95,7 @@ pub fn solid(drawing: &GearDrawing) -> Result<Picture, Error> {
 struct Surface {
     corners: [[f64; 2]; 4],
     gear: usize,
-    /// Counted from the near end.
+    /// The layer's number, from the near end.
     layer: usize,
     depth: f64,
     shade: usize,

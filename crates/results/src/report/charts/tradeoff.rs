@@ -4,9 +4,9 @@ use super::draw;
 use crate::report::error::Error;
 use crate::report::svg::{Axis, Chart, Mark, Picture, Scale, Series};
 
-/// Wide enough for two beside each other, and high enough for a legend of several lines.
+/// Width and height in pixels: two charts fit beside each other, and a legend of several lines fits below.
 const SIZE: [f64; 2] = [480.0, 420.0];
-/// Colours of the palette; more series than that repeat them with rings instead of dots.
+/// Number of colours in the palette. Further series repeat the colours with rings instead of dots.
 const COLOURS: usize = 6;
 
 /// One method in a chart of cost against error.
@@ -14,16 +14,16 @@ const COLOURS: usize = 6;
 pub struct TradeoffSeries {
     /// The entry in the legend.
     pub name: String,
-    /// Cost and error of its settings. Without any it is left out, but keeps its colour.
+    /// Cost and error of the method's settings. A series without points is left out, but keeps its colour.
     pub points: Vec<[f64; 2]>,
 }
 
 /// A chart of cost against error, on logarithmic axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TradeoffChart {
-    /// The name of its files, without an ending.
+    /// The name of the chart's files, without an ending.
     pub file: String,
-    /// Shown above it.
+    /// The title, shown above the chart.
     pub title: String,
     /// The cost, with its unit.
     pub cost: String,
@@ -37,7 +37,7 @@ pub struct TradeoffChart {
     pub campaign: Vec<[f64; 2]>,
     /// The recommended setting.
     pub recommended: Option<[f64; 2]>,
-    /// The reason for it, in a sentence.
+    /// The reason for the recommendation, in a sentence.
     pub recommendation: String,
 }
 

@@ -45,7 +45,8 @@ pub(super) struct PaperCells {
 }
 
 impl ApproachRow<'_> {
-    /// Whether the row of the other variables and the constraints stands alone.
+    /// Whether the approach has one row in the second half of the table, without further limits and without a row of
+    /// the paper.
     pub(super) fn is_single(&self) -> bool {
         self.paper.is_none() && self.further.is_empty()
     }

@@ -58,7 +58,7 @@ pub(super) trait Show {
     fn significant(&self, digits: usize) -> String;
     fn seconds(&self) -> String;
     fn signed_percent(&self) -> String;
-    /// A coefficient of a gear: two decimals, or three.
+    /// A coefficient of a gear, with two or three decimals.
     fn coefficient(&self) -> String;
 }
 

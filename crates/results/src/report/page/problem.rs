@@ -71,7 +71,7 @@ struct Page<'a> {
     distribution: Option<DistributionView>,
     enrichment: Option<EnrichmentView>,
     kriging: Option<KrigingView<'a>>,
-    /// The paper's problem is one of gears.
+    /// Always false: only a gear campaign can have the paper's problem.
     paper: bool,
     notes: Vec<String>,
 }

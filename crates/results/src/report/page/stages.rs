@@ -7,7 +7,7 @@ use crate::snapshot::Snapshot;
 pub(super) struct StagesView {
     /// Stage, calls of the simulator, wall time and CPU time.
     pub(super) rows: Vec<[String; 4]>,
-    /// The same of all stages.
+    /// Calls, wall time and CPU time of all stages together.
     pub(super) total: [String; 4],
 }
 

@@ -98,7 +98,8 @@ impl Ruler {
         best
     }
 
-    /// Ticks with the gap that their labels need: those of decades from dense to sparse, then even ones.
+    /// Candidate ticks, each list with the gap that its labels need: ticks of decades from dense to sparse, then even
+    /// ticks.
     fn candidates(&self) -> impl Iterator<Item = (Vec<Tick>, f64)> {
         let is_log = self.scale == Scale::Log;
         let dense = (&[1.0, 2.0, 3.0, 5.0, 7.0][..], 1, WIDE);
@@ -123,7 +124,7 @@ impl Ruler {
     /// Every multiple of the step `mantissa` · 10^`exponent`.
     fn even(&self, mantissa: f64, exponent: i32) -> Vec<Tick> {
         let step = mantissa * 10f64.powi(exponent);
-        // A hair of slack, so that 0.3 / 0.1 is a tick of a range up to 0.3.
+        // A small tolerance, so that 3 · 0.1 is a tick of a range up to 0.3.
         let first = (self.low / step - 1e-6).ceil();
         let count = (self.high / step + 1e-6).floor() - first;
         // 0.25 needs one more decimal than 0.2.
@@ -137,7 +138,7 @@ impl Ruler {
         let (bottom, top) = (self.low.log10().floor(), self.high.log10().ceil());
         let decades = (bottom as i32..=top as i32).filter(|e| e.rem_euclid(every) == 0);
         let ticks = decades.flat_map(|e| mantissas.iter().map(move |m| (m * 10f64.powi(e), e)));
-        // One form for all labels.
+        // All labels have the same form.
         let as_powers = mantissas.len() == 1 && (bottom < -4.0 || top > 8.0);
         let slack = 1.0 + 1e-9;
         ticks

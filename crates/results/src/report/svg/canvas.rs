@@ -117,9 +117,9 @@ impl Canvas {
         }
     }
 
-    /// Round dots. They are spread over a few path elements, not one each: a path is painted once,
-    /// so dots of the same path do not darken where they overlap, and with twelve paths they do,
-    /// while a dot still takes about a dozen bytes.
+    /// Round dots. Dots of one path do not darken where they overlap, because a path is painted once. They are
+    /// spread over twelve paths, whose dots do darken. A dot takes about a dozen bytes, far less than an element of
+    /// its own.
     pub(crate) fn dots(&mut self, points: &[[f64; 2]], class: &str) {
         const LAYERS: usize = 12;
         for layer in 0..LAYERS.min(points.len()) {

@@ -43,7 +43,7 @@ impl Axis {
         let own = values.fold(None, |range: Option<(f64, f64)>, v| {
             Some(range.map_or((v, v), |(low, high)| (low.min(v), high.max(v))))
         })?;
-        // Areas fill the frame, and a curve may run from side to side.
+        // Areas fill the frame, and lines alone may run from side to side.
         let is_full = self.range.is_some() && series.iter().any(|s| s.mark == Mark::Cells);
         let runs = |s: &Series| s.points.is_empty() || s.mark.is_line();
         let room = match is_full || (axis == 0 && series.iter().all(runs)) {
@@ -108,7 +108,7 @@ impl Mark {
         }
     }
 
-    /// The class of its elements.
+    /// The CSS class of its elements.
     fn class(self, colour: usize) -> String {
         let name = match self {
             Self::Guide => return "guide".to_owned(),
@@ -161,7 +161,7 @@ const PALETTE: usize = 6;
 pub(crate) const SHADES: usize = 24;
 const MARGIN: f64 = 10.0;
 const LINE: f64 = 17.0;
-/// Width of the letters of a title over that of other text.
+/// Ratio of the width of a title's letters to that of other text.
 const BOLD: f64 = 1.17;
 /// Share of a range by which an axis is longer at each end, so that no mark lies on the frame.
 const ROOM: f64 = 0.04;

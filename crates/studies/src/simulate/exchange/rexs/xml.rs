@@ -5,7 +5,7 @@ use roxmltree::Node;
 
 use super::{NONE, STRESS};
 
-/// Units with their sizes in the unit that is read, which is the first.
+/// The units of a quantity, each with its size in the first one. Values are read in the first unit.
 pub(super) type Units = &'static [(&'static str, f64)];
 
 pub(super) const LENGTH: Units = &[("mm", 1.0), ("um", 1e-3), ("m", 1e3)];
@@ -97,7 +97,8 @@ impl<'a> Components<'a> {
             .collect()
     }
 
-    /// The components in a role of the relations of this kind in which `known` has its role.
+    /// The components with the role `role` in the relations of type `kind` that also have `known`, a role and its
+    /// component.
     pub(super) fn related(
         self,
         kind: &str,
