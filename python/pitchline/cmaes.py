@@ -37,7 +37,7 @@ class Best(NamedTuple):
 
     x: Points
     value: float
-    #: by how much the constraints are exceeded; 0 if none is
+    #: the constraint violation; 0 if all constraints hold
     violation: float
 
 
@@ -53,7 +53,7 @@ class Minimum(NamedTuple):
 
     x: Points
     value: float
-    #: by how much the constraints are exceeded; 0 if none is
+    #: the constraint violation; 0 if all constraints hold
     violation: float
     evaluations: int
     #: columns evaluations, value, violation: a row for each improvement

@@ -191,7 +191,7 @@ class Results:
 
     @property
     def verification(self) -> dict[str, NDArray[np.float64]]:
-        """The numbers that the verification samples of each optimum count as in the measure, by approach."""
+        """The numbers of each optimum's verification samples from which the measure is estimated, by approach."""
         return dict(self._store.verification())
 
     @property

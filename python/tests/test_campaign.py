@@ -15,7 +15,7 @@ from pitchline.simulate import Simulator
 def test_a_function_is_simulated_to_its_optimum(finished):
     assert finished.finished
     best = finished.recommended
-    # The 90 % percentile of normal noise of 0.1 at the bottom of the bowl is 0.128.
+    # The 90th percentile of normal noise of 0.1 at the bottom of the bowl is 0.128.
     assert [best["x"], best["y"]] == pytest.approx([0.5, -0.5], abs=0.25)
     assert best["p90_low"] < best["p90"] < best["p90_high"]
     assert best["p90"] < 0.35

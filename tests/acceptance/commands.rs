@@ -337,7 +337,7 @@ fn init_writes_a_file_that_check_accepts() {
         plan.contains("\n0 of 40 random designs are feasible"),
         "{plan}"
     );
-    let warning = "all 40 random designs that can be simulated break one constraint, the nearest of them with \
+    let warning = "all 40 random designs that can be simulated break the same constraint, the mildest of them with \
                    contact ratio = 2.";
     assert!(plan.contains(warning), "{plan}");
 }

@@ -57,7 +57,7 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
         ("samples = 2000", "samples = 200"),
     ];
     let (sandbox, status) = campaign("exponential", &changes);
-    // At the corner (1, 1) the bowl is 5.98; the 10 % percentile of the noise is 0.105.
+    // At the corner (1, 1) the bowl is 5.98; the 10th percentile of the noise is 0.105.
     let best = baseline(&status);
     let value = best["measure"]["value"].as_f64().expect("a number");
     assert!((value - 6.085).abs() < 0.1, "{status}");

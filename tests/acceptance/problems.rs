@@ -37,12 +37,12 @@ fn percentile(sandbox: &Sandbox, approach: &str, column: &str) -> f64 {
     row[place.expect("a column")].parse().expect("a number")
 }
 
-/// The verified 90 % percentile of an approach.
+/// The verified 90th percentile of an approach.
 fn verified(sandbox: &Sandbox, approach: &str) -> f64 {
     percentile(sandbox, approach, "p90")
 }
 
-/// The minimum, −1 − 0.1 π⁴, plus the 90 % percentile of the noise.
+/// The minimum, −1 − 0.1 π⁴, plus the 90th percentile of the noise.
 const LEAST: f64 = -10.740_909 + 0.640_776;
 
 #[test]
@@ -249,7 +249,7 @@ fn a_beam_is_designed_by_a_c_program_through_files() {
     let said = errors(&run("wrong.in"));
     assert!(said.contains("wrong.in has no {thickness}"), "{said}");
     assert_code(&run("beam.in"), 0);
-    // Over 400 000 draws the minimum of the 90 % percentile is 1.778 in, at a width of 2.675 in and
+    // Over 400 000 draws the minimum of the 90th percentile is 1.778 in, at a width of 2.675 in and
     // an area of 9.5 in². Its standard error with 400 samples is 0.014 in.
     let p90 = verified(&sandbox, "kriging");
     assert!((p90 - 1.778).abs() < 0.06, "{p90}");

@@ -217,7 +217,12 @@ fn discarded_results_are_computed_again() {
         assert_code(&output, 0);
         serde_json::from_str(&printed(&output)).expect("one JSON object")
     };
-    for what in [["--design", design], ["--worker", host]] {
+    let (machine, _) = host.rsplit_once(':').expect("MACHINE:PROCESS");
+    for what in [
+        ["--design", design],
+        ["--worker", host],
+        ["--worker", machine],
+    ] {
         let would = counted(what, false);
         assert!(would["samples"].as_u64() >= Some(10), "{would}");
         assert_eq!(

@@ -142,7 +142,7 @@ fn a_model_of_a_server_gives_the_samples_of_the_same_program() {
     );
     let error = refused(&fewer);
     assert!(
-        error.contains("has 3 numbers in lists of [1, 2], and the campaign 2 outputs"),
+        error.contains("has 3 numbers in lists of [1, 2], but the campaign has 2 outputs"),
         "{error}"
     );
     drop(one);

@@ -17,8 +17,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
 
 pub use sandbox::{RunningProgram, Sandbox};
+
+/// Longer than any step takes on a slow, busy machine.
+const PATIENCE: Duration = Duration::from_secs(240);
 
 /// The path of a program under test, see [`programs`].
 ///

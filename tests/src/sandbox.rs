@@ -8,10 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::{binary, quick_campaign};
-
-/// Longer than any step takes on a slow, busy machine.
-const PATIENCE: Duration = Duration::from_secs(240);
+use crate::{PATIENCE, binary, quick_campaign};
 
 /// A test's own folder, with helpers that run programs in it. The programs' access files are there,
 /// too.

@@ -65,8 +65,8 @@ pub enum Error {
     },
     /// The points are not the beginning of the Sobol sequence that is to be continued.
     #[error(
-        "point {point}, counted from 0, is not in that place of the Sobol sequence of this seed: only \
-         its first points can be continued; add to others with the method maximin or random"
+        "point {point}, counted from 0, differs from the Sobol sequence of this seed: only the \
+         beginning of this sequence can be continued; add to other designs with the method maximin or random"
     )]
     OtherSequence {
         /// Index of the first point that differs, from 0.

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p enrich --example branin -- [--seeds 1..=10] [--criterion NAME] [--batch 12] [--fails 0.4]`
 //!
-//! The response is the 90 % percentile of Y = f(x) + s(x) Z with Z standard normal, estimated from 36
+//! The response is the 90th percentile of Y = f(x) + s(x) Z with Z standard normal, estimated from 36
 //! samples a design. f is Branin's function, a standard of kriging-based optimisation under noise
 //! (V. Picheny, T. Wagner, D. Ginsbourger, *A benchmark of kriging-based infill criteria for noisy
 //! optimization*, Structural and Multidisciplinary Optimization 48 (2013) 607–626), whose three minima
@@ -35,7 +35,7 @@ const DESIGNS: usize = 20;
 const SAMPLES: u32 = 36;
 /// Samples in all.
 const BUDGET: u32 = 6000;
-/// Deviate of the 90 % percentile.
+/// Deviate of the 90th percentile.
 const Z90: f64 = 1.281_551_565_544_600_4;
 /// The minimum at which the noise is least.
 const OPTIMUM: [f64; 2] = [PI, 2.275];

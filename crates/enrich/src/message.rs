@@ -119,16 +119,16 @@ impl fmt::Display for Note {
                 f,
                 "{entries} responses are not finite numbers and count as failures."
             ),
-            Self::Plateau => {
-                f.write_str("All responses are equal, so the round fills space instead.")
-            }
+            Self::Plateau => f.write_str(
+                "All responses are equal, so the round adds designs far from all others.",
+            ),
             Self::NoStructure => f.write_str(
                 "The noise hides the signal: the model is hardly better than a constant.",
             ),
             Self::NoModel { reason } => {
                 write!(
                     f,
-                    "No model could be fitted ({reason}), so the round fills space instead."
+                    "No model could be fitted ({reason}), so the round adds designs far from all others."
                 )
             }
             Self::NoFeasibleDesign => f.write_str("No sampled design is feasible yet."),

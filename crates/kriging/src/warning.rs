@@ -197,7 +197,7 @@ impl Warning {
                 "the search for the parameters had not converged after {iterations} iterations"
             ),
             Self::FlatRanges { coordinates } => format!(
-                "the data do not determine the range in {}: half or twice of it is as likely",
+                "the data do not determine the range in {}: half or twice of it is nearly as likely",
                 listed(coordinates)
             ),
             Self::RangesAtBound { coordinates, upper } => at_bound(

@@ -1,6 +1,6 @@
 """Ten problems of optimisation under noise, whose optima are known.
 
-Every problem asks for the design whose 90 % percentile of a random response is least, within a box and under deterministic
+Every problem asks for the design whose 90th percentile of a random response is least, within a box and under deterministic
 constraints g(x) <= 0. As a program, `problems.py NAME` answers a campaign's requests on standard input.
 """
 

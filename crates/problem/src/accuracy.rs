@@ -187,7 +187,7 @@ impl CampaignFile {
         source.leaves_to(
             "objective",
             &["measure", "level", "k", "limit"],
-            "accuracy.tolerance_um, which chooses the estimator of the 90 % percentile",
+            "accuracy.tolerance_um, which chooses the estimator of the 90th percentile",
         )?;
         source.positive(key, tolerance_um)?;
         let mut campaign = Campaign::from(form);

@@ -192,15 +192,15 @@ impl Plausibility {
         };
         let excluded = named(true).map(|designs| {
             format!(
-                "Designs that the model and the optima leave out, because of an absurd sample: {designs}. Mend the \
+                "Designs that the model and the optima leave out because of an absurd sample: {designs}. Mend the \
                  program or limit the response (min and max of [[responses]]), remove the samples of each with \
                  `coordinator discard --db FILE --design N --yes`, and give the same command again."
             )
         });
         let doubtful = named(false).map(|designs| {
             format!(
-                "Samples a million times farther from the median than samples usually scatter, which count all the \
-                 same: {designs}. If they are faults of the program, min and max of [[responses]] make them failures."
+                "These designs count although a sample of each lies farther from the median than a million times the usual \
+                 scatter: {designs}. If they are faults of the program, min and max of [[responses]] make them failures."
             )
         });
         excluded.into_iter().chain(doubtful).collect()

@@ -17,12 +17,12 @@
 //! assert!(lilliefors(&samples)?.p_value > 0.05);
 //! let found = normal_p90(&samples, &NormalOptions::default())?;
 //! let (low, high) = percentile_interval(&found, 0.95)?;
-//! // The sum's 90 % percentile is 6 + 1.28 = 7.28.
+//! // The sum's 90th percentile is 6 + 1.28 = 7.28.
 //! assert!(low < 7.28 && 7.28 < high);
 //! # Ok::<(), stats::Error>(())
 //! ```
 //!
-//! - [`percentile_p90`]: a 90 % percentile from the mean and the standard deviation of a normal
+//! - [`percentile_p90`]: a 90th percentile from the mean and the standard deviation of a normal
 //!   sample, and the variance of that estimate, (8), (9), (14). Kriging takes the variance as the
 //!   known noise of the observation.
 //! - [`normal_p90`]: the same with the exact quantile, the exact variance or without bias.

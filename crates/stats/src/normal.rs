@@ -5,7 +5,7 @@ use crate::exact::{c4, exact_percentile_variance};
 use crate::moments::mean_sd;
 use crate::percentile::{PAPER_Z90, Percentile, percentile_variance};
 
-/// Estimates the 90 % percentile of a normal sample, and the variance of that estimate: equations
+/// Estimates the 90th percentile of a normal sample, and the variance of that estimate: equations
 /// (8), (9) and (14) with z = [`PAPER_Z90`].
 ///
 /// # Errors
@@ -26,7 +26,7 @@ pub enum VarianceFormula {
 }
 
 /// Options of the estimate of a percentile of a normal sample. The default is that of
-/// [`percentile_p90`], the paper's estimate of the 90 % percentile.
+/// [`percentile_p90`], the paper's estimate of the 90th percentile.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalOptions {
     /// z of m + z s: [`crate::normal_quantile`] of the level, or the paper's rounded [`PAPER_Z90`].

@@ -56,7 +56,7 @@ pub enum HarrellDavisVariance {
     Bootstrap,
 }
 
-/// Harrell and Davis's estimator of the 90 % percentile with its jackknife variance.
+/// Harrell and Davis's estimator of the 90th percentile with its jackknife variance.
 ///
 /// # Errors
 ///

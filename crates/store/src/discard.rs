@@ -16,8 +16,8 @@ use crate::{criteria, evaluations, failures, origins, runs, samples, tally};
 pub enum Discard {
     /// Samples, criteria and recorded failures of the design with this number.
     Design(u32),
-    /// All results of the worker with this name, or of all workers that reported exactly this host
-    /// (`MACHINE:PROCESS`).
+    /// All results of the worker with this name, or of all workers on this host: a process (`MACHINE:PROCESS`) or a
+    /// machine.
     Worker(String),
 }
 
@@ -68,7 +68,11 @@ async fn of_design(connection: &mut Connection<'_>, design: u32) -> Result<Remov
 
 async fn of_worker(connection: &mut Connection<'_>, name: &str) -> Result<RemovedRows, Error> {
     let mut origins = origins::all(connection).await?;
-    origins.retain(|(_, row)| row.worker == name || row.host == name);
+    let is_machine = |host: &str| {
+        let parts = host.rsplit_once(':');
+        parts.is_some_and(|(machine, _)| machine == name)
+    };
+    origins.retain(|(_, row)| row.worker == name || row.host == name || is_machine(&row.host));
     let origins: BTreeSet<i64> = origins.into_iter().map(|(origin, _)| origin).collect();
     let mut removed = RemovedRows::default();
     for origin in origins {

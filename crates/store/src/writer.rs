@@ -243,7 +243,7 @@ impl Task {
         self.check_identity()?;
         if let Err(error) = self.lock.record(commits) {
             // The rows are stored; only a later check for a cut log misses this commit.
-            tracing::warn!(%error, "the commit could not be noted");
+            tracing::warn!(%error, "the number of commits could not be written to the lock file");
         }
         fail_point::at("after_commit");
         Ok(answers)

@@ -117,7 +117,7 @@ pub struct Figures {
     cases: Vec<CaseFigures>,
 }
 
-/// The scatter of slopes and of the shafts' misalignment in the samples. Each deviation is normal, and its tolerance ±
+/// The scatter of slopes, of the shafts' misalignment and of the tip relief in the samples. Each deviation is normal, and its tolerance ±
 /// is three standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 struct Scatter {
@@ -133,6 +133,9 @@ struct Scatter {
     /// Tolerance of the misalignment of the shafts.
     #[serde(skip_serializing_if = "Option::is_none")]
     misalignment_um: Option<f64>,
+    /// Tolerance of the amounts of tip relief.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    tip_relief_tolerance_um: Option<f64>,
 }
 
 impl Scatter {
@@ -148,6 +151,7 @@ impl Scatter {
                 um(class.helix_slope_tolerances(geometry, file.pair.face_width_mm.each()))
             }),
             misalignment_um: Some(1e3 * scatter.misalignment).filter(|um| may_tilt && *um > 0.0),
+            tip_relief_tolerance_um: Some(1e3 * scatter.tip_relief).filter(|um| *um > 0.0),
         })
     }
 }

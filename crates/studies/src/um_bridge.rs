@@ -154,7 +154,7 @@ impl Model {
                 Some(length) if key == COEFFICIENTS => sizes[1] = length,
                 _ => {
                     let text = format!(
-                        "config has {key:?}: {value}; its one key is {COEFFICIENTS:?}, the length of the second input"
+                        "config has {key:?}: {value}; it may only have {COEFFICIENTS:?}, the length of the second input"
                     );
                     return Err(invalid(text));
                 }

@@ -78,7 +78,7 @@ fn describe(what: &Discard, removal: &Removal) -> String {
         }
         true => format!(
             "removed         {counts}, of {of}\n\
-             next            the campaign's command again, which computes them and all that follows from them anew\n"
+             next            the campaign's command again, which computes them and all that follows from them again\n"
         ),
         false => format!(
             "would remove    {counts}, of {of}\n\

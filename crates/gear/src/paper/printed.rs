@@ -22,7 +22,7 @@ pub struct PreliminaryRow {
     pub mean_um: f64,
     /// Standard deviation of ΔSTE, µm.
     pub sd_um: f64,
-    /// Estimated 90 % percentile of ΔSTE, µm.
+    /// Estimated 90th percentile of ΔSTE, µm.
     pub p90_um: f64,
     /// Variance of that estimate with 30 samples, µm² (Table 2).
     pub p90_variance_um2: f64,
@@ -284,7 +284,7 @@ pub enum Quantity {
     Mean,
     /// Standard deviation of ΔSTE with random wear.
     Sd,
-    /// 90 % percentile of ΔSTE with random wear.
+    /// 90th percentile of ΔSTE with random wear.
     P90,
 }
 

@@ -25,7 +25,7 @@ pub(crate) const LEAD: &str = "Error of a percentile estimated from 10 to 500 sa
      normal, exponential, log-normal and bimodal, one with a rare jump, all with known percentiles, and that of the \
      campaign’s own designs. The regret is the root mean square error divided by that of the best estimator for this \
      response, level and number of samples. “location-scale” takes z from the residuals of all designs. The default of \
-     [sampling] percentile is the key whose greatest regret is smallest. Errors are in standard deviations of the \
+     [sampling] estimator is `chosen`, whose greatest regret is the smallest up to 5 %. Errors are in standard deviations of the \
      response.";
 
 const COLUMNS: [&str; 6] = [

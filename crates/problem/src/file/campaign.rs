@@ -405,7 +405,7 @@ impl Campaign {
             self.sampling.objective.is_papers() || !self.compares_with_paper(),
             "objective",
             self.measure_name(),
-            "absent beside report.compare_with_paper: the paper prints 90 % percentiles",
+            "absent beside report.compare_with_paper: the paper prints 90th percentiles",
         )?;
         self.verify.validate(source)?;
         self.budget.validate(source)?;

@@ -22,9 +22,9 @@ pub struct ConstraintSection {
     pub min: Option<f64>,
     /// Largest valid value. A constraint on samples has one of the two.
     pub max: Option<f64>,
-    /// Whether the program evaluates the deterministic responses in no time. A search on the model then asks it for those
-    /// of every candidate; otherwise they are modelled, and it is asked for promising candidates. All constraints on
-    /// deterministic responses have the same.
+    /// Whether the program takes next to no time for the deterministic responses. A search on the model then calls the
+    /// program for every candidate. Otherwise the responses are modelled, and the program is called for promising candidates.
+    /// All constraints on deterministic responses have the same value.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub cheap: bool,
     /// The measure of the samples that is limited; absent for a deterministic response.

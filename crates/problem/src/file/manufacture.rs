@@ -33,10 +33,10 @@ impl Manufacture {
         });
         let misalignment = self
             .misalignment_um
-            .map(|um| format!("shafts out of line by up to {um} µm over the face"));
+            .map(|um| format!("misalignment of the shafts ±{um} µm over the face"));
         let relief = self
             .tip_relief_tolerance_um
-            .map(|um| format!("amounts of tip relief off by up to {um} µm"));
+            .map(|um| format!("amounts of tip relief ±{um} µm"));
         let known = class.into_iter().chain(misalignment).chain(relief);
         let known: Vec<String> = known.collect();
         format!(

@@ -12,10 +12,10 @@ use super::validate::Source;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "MaterialSection")]
 pub struct Materials {
-    /// The pinion's, and without another the mate's.
+    /// The material of the pinion, and of the mate unless `mate` is given.
     #[serde(flatten)]
     pub pinion: Material,
-    /// The mate's, if the file gives one.
+    /// The material of the mate, if the file gives one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mate: Option<Material>,
 }

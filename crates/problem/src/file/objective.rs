@@ -147,7 +147,7 @@ impl Objective {
         }
     }
 
-    /// Whether it is the paper's: the 90 % percentile is minimised.
+    /// Whether it is the paper's: the 90th percentile is minimised.
     pub(super) fn is_papers(&self) -> bool {
         self.measure() == PAPERS
     }
@@ -256,7 +256,7 @@ impl Objective {
                 (0.001..=0.999).contains(&level),
                 &format!("{section}.level"),
                 level,
-                "from 0.001 to 0.999: 0.9 stands for the 90 % percentile",
+                "from 0.001 to 0.999: 0.9 stands for the 90th percentile",
             )?;
         }
         let key = format!("{section}.k");

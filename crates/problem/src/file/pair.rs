@@ -48,7 +48,7 @@ pub struct PairFile {
 pub struct PairSection {
     /// Numbers of teeth.
     pub teeth: [u32; 2],
-    /// Centre distance, mm. Without it the pair has no backlash, and without the module neither.
+    /// Centre distance, mm. If only this or only the module is given, the pair has no backlash.
     pub centre_distance_mm: Option<f64>,
     /// Normal module, mm. With both, the profile shifts are as given and the backlash follows.
     pub normal_module_mm: Option<f64>,

@@ -22,13 +22,13 @@ pub struct RandomSection {
     /// Mean of `"normal"`, `"lognormal"` and `"gumbel"`; of `"truncated-normal"` before it is cut.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean: Option<Parameter>,
-    /// Standard deviation, as the mean.
+    /// Standard deviation of the same families as the mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sd: Option<Parameter>,
     /// Least value of `"uniform"`, `"triangular"`, `"beta"` and `"truncated-normal"`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub low: Option<Parameter>,
-    /// Greatest value, as the least one.
+    /// Greatest value of the same families as the least one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub high: Option<Parameter>,
     /// Most probable value of `"triangular"`.
@@ -61,7 +61,7 @@ pub struct RandomSection {
 pub enum Parameter {
     /// The same for all designs.
     Number(f64),
-    /// Of the design's variables, such as `"0.01 * width"`.
+    /// A formula of the design's variables, such as `"0.01 * width"`.
     Formula(String),
 }
 

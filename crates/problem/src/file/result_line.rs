@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::FileError;
 use super::validate::Source;
 
-/// The place of a number in a program's result file. The last line that matches counts, so that of an iteration the end
-/// is read.
+/// The place of a number in a program's result file. The last line that matches counts: of an iteration it is the
+/// last step.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "a section with `line`, and `column` unless a group of `line` is the number")]

@@ -22,7 +22,7 @@ pub struct Sampling {
     pub precision: Option<f64>,
     /// Maximum number of samples of a design, with a precision.
     pub samples_max: Option<u32>,
-    /// Constraint violation, summed as in the paper's (5), above which a design gets no samples. If absent,
+    /// Constraint violation, summed as in equation (5) of the paper, above which a design gets no samples. If absent,
     /// 0 with a precision, and without one all simulable designs get samples.
     pub skip_violation: Option<f64>,
     /// The estimator of the measure. If absent, `"chosen"` for independent samples without a control variate, and

@@ -34,12 +34,12 @@ pub struct Doe {
     /// each of the variables.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub table: Option<String>,
-    /// What a row of the table is.
+    /// The contents of a row of the table.
     #[serde(default, skip_serializing_if = "TableRows::are_designs")]
     pub table_rows: TableRows,
 }
 
-/// What a row of `doe.table` is.
+/// The contents of a row of `doe.table`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TableRows {

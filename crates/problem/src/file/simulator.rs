@@ -55,8 +55,8 @@ pub struct SimulatorSection {
     /// Number of times that a failing request is tried before its failure is final; 3 if absent. An
     /// attempt counts only if the program answers something else in between.
     pub attempts: Option<u32>,
-    /// How long, in seconds, everything may fail before the campaign goes on without what fails; 60
-    /// if absent. A shorter outage, such as of a licence server, costs nothing but time.
+    /// Seconds for which all requests may fail before the failures are final and the campaign goes on without these
+    /// results; 60 if absent. A shorter outage, such as of a licence server, costs nothing but time.
     pub retry_s: Option<f64>,
 }
 

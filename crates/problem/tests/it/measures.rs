@@ -108,7 +108,7 @@ fn a_limited_probability_is_searched_as_the_percentile_that_says_the_same() {
         (0, 1)
     );
 
-    // P(y > 5) ≥ 0.99 says that the 1 % percentile is at least 5.
+    // P(y > 5) ≥ 0.99 says that the 1st percentile is at least 5.
     let success = HOT.replace("max = 0.01", "min = 0.99");
     let problem = parse(&constraint(&success)).unwrap();
     let success = &problem.limited()[0];

@@ -135,7 +135,7 @@ fn of_transmission_error(loaded: &Loaded) -> Vec<String> {
     }
     if let Some(worn) = loaded.worn_um.filter(|worn| *worn < new) {
         doubts.push(format!(
-            "louder when new: ΔSTE is {} µm new and {} µm with the mean wear, so compare designs new, too",
+            "ΔSTE is greater on new flanks: {} µm, and {} µm with the mean wear; compare designs with new flanks, too",
             significant(new, 3),
             significant(worn, 3)
         ));
@@ -239,7 +239,7 @@ contact_limit_mpa = 1500.0
                     delta_ste_um: 2.0,
                     ..LOADED
                 },
-                "louder when new: ΔSTE is 2.00 µm new and 1.50 µm",
+                "ΔSTE is greater on new flanks: 2.00 µm, and 1.50 µm",
             ),
         ] {
             let found = found(PAIR, &loaded);
@@ -283,7 +283,7 @@ contact_limit_mpa = 1500.0
             let doubts = of_design(&Problem::new(campaign), &design);
             doubts
                 .iter()
-                .any(|doubt| doubt.starts_with("louder when new"))
+                .any(|doubt| doubt.starts_with("ΔSTE is greater on new flanks"))
         };
         assert!(is_advised(1.0) && !is_advised(0.0));
     }

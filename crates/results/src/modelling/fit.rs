@@ -148,8 +148,8 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
                 table.position(name)?;
                 if is_taken(name) || names[..number].contains(name) {
                     return Err(Error::Settings(format!(
-                        "column {name:?} cannot be an input: it is another one, the response or its \
-                         variance already"
+                        "column {name:?} cannot be an input: it is named twice, or it is the response or \
+                         its variance"
                     )));
                 }
             }

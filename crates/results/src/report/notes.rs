@@ -100,7 +100,7 @@ fn pointed_tips(snapshot: &Snapshot) -> Vec<String> {
         };
         notes.push(format!(
             "{who} the optimum “{}” has pointed teeth: the constraints ask for no tip land. Its \
-             ΔSTE rests on where the beam model ends a tooth that thins to nothing; shortened to a \
+             ΔSTE depends on where the beam model cuts off the vanishing tip; shortened to a \
              usual tip land, such a pair loses much of what it gained.",
             optimum.approach.name()
         ));

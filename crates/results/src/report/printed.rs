@@ -33,7 +33,7 @@ pub struct PreliminaryDesign {
     pub mean_um: f64,
     /// Standard deviation of ΔSTE, µm.
     pub sd_um: f64,
-    /// Estimated 90 % percentile of ΔSTE, µm.
+    /// Estimated 90th percentile of ΔSTE, µm.
     pub p90_um: f64,
     /// p value of the Lilliefors test: small values speak against a normal distribution.
     pub lilliefors_p: f64,
@@ -50,7 +50,7 @@ pub struct SimilarDesign {
     pub printed: &'static paper::SimilarRow,
     /// ΔSTE with Archard's wear, µm.
     pub delta_ste_archard_um: f64,
-    /// The 90 % percentile; `None` without samples.
+    /// The 90th percentile; `None` without samples.
     pub p90: Option<IntervalEstimate>,
 }
 

@@ -145,7 +145,7 @@ pub async fn open_store(
     if store.campaign().await?.digest != row.digest {
         // Refused before the store takes the campaign: the DoE could then never be completed.
         stages::designs::check_growth(problem, &store.designs().await?)?;
-        info!("the campaign has grown: what the store holds is kept, the rest is added");
+        info!("the campaign has grown: stored results are kept, missing ones are computed");
         store.extend(&row).await?;
     }
     Ok(store)

@@ -358,7 +358,7 @@ pub fn output(
     let has_samples = !result.responses.is_empty() || !result.samples.is_empty();
     if said + usize::from(has_samples) != 1 {
         return malformed(
-            "must be either samples or one of a refusal, a run, evaluations and an error",
+            "must hold exactly one of samples, a refusal, a run, evaluations and an error",
         );
     }
     if let Some(error) = &result.error {

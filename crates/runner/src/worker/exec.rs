@@ -381,8 +381,8 @@ impl Session<'_> {
         if *first != described.version {
             self.process.borrow_mut().take();
             return Err(Fault::Program(format!(
-                "the simulator called itself {first:?} before and {:?} now: it must not change \
-                 during a campaign",
+                "the version of the simulator was {first:?} before and is {:?} now: it must not \
+                 change during a campaign",
                 described.version
             )));
         }

@@ -100,7 +100,7 @@ fn a_flank_class_scatters_random_samples_and_is_named() {
     let spread = |simulation: &Simulation| simulation.figures.clone().unwrap().sd_um.unwrap();
     assert!(spread(&with) > 1.2 * spread(&without));
     for part in [
-        "6: profile slopes within ±6.85, ±6.89 µm",
+        "6: profile slopes ±6.85, ±6.89 µm",
         "pitch and form deviations, dynamics",
     ] {
         assert!(describe(&with).contains(part), "{}", describe(&with));

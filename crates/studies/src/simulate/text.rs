@@ -91,11 +91,11 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)>
         {
             let helix = scatter
                 .helix_slope_tolerance_um
-                .map(|[pinion, mate]| format!("; helix slopes within ±{pinion:.2}, ±{mate:.2} µm"));
+                .map(|[pinion, mate]| format!("; helix slopes ±{pinion:.2}, ±{mate:.2} µm"));
             line(
                 "flank class of ISO 1328-1",
                 format!(
-                    "{class}: profile slopes within ±{pinion:.2}, ±{mate:.2} µm{}",
+                    "{class}: profile slopes ±{pinion:.2}, ±{mate:.2} µm{} (three standard deviations)",
                     helix.unwrap_or_default()
                 ),
             );
@@ -103,7 +103,13 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)>
         if let Some(um) = scatter.misalignment_um {
             line(
                 "misalignment of the shafts",
-                format!("within ±{um} µm over the face"),
+                format!("±{um} µm over the face (three standard deviations)"),
+            );
+        }
+        if let Some(um) = scatter.tip_relief_tolerance_um {
+            line(
+                "amounts of tip relief",
+                format!("±{um} µm (three standard deviations)"),
             );
         }
         let left_out = match scatter.helix_slope_tolerance_um {

@@ -148,7 +148,7 @@ fn feasible(problem: &Problem, trials: &[Analysis]) -> Feasible {
     let by_all = worst.filter(|(designs, _)| *designs as usize == trials.len());
     let warning = by_all.map(|(designs, mildest)| {
         format!(
-            "all {designs} random designs that can be simulated break one constraint, the nearest of them with \
+            "all {designs} random designs that can be simulated break the same constraint, the mildest of them with \
              {mildest}: if the search finds no feasible design, change [constraints], [pair] or [load], or widen \
              [bounds]"
         )

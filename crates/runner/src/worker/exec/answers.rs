@@ -205,7 +205,7 @@ fn agree(what: &str, ours: &Vec<&str>, theirs: Option<&[String]>) -> Result<(), 
         (None, None) => return Ok(()),
     };
     Err(format!(
-        "among its {what} it {difference}, whose {what} are {}",
+        "its {what} differ from those of the campaign ({}): it {difference}",
         ours.join(", ")
     ))
 }

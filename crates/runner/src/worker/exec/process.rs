@@ -184,7 +184,7 @@ impl Process {
                 Silence::Ended => self.last_words(),
                 Silence::Timeout if line.is_empty() => {
                     format!(
-                        "was not done within {} s and was ended",
+                        "did not end within {} s and was ended",
                         timeout.as_secs_f64()
                     )
                 }

@@ -142,7 +142,7 @@ impl UmBridge {
             let count: usize = sizes.iter().sum();
             if count != ours.len() {
                 let text = format!(
-                    "the UM-Bridge model has {count} numbers in lists of {sizes:?}, and the campaign {} {what} ({})",
+                    "the UM-Bridge model has {count} numbers in lists of {sizes:?}, but the campaign has {} {what} ({})",
                     ours.len(),
                     ours.join(", ")
                 );

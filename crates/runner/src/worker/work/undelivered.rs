@@ -128,7 +128,7 @@ impl Files {
         let removed = found.into_iter().map(OrphanFile::remove);
         for removed in removed.chain(delivered.map(UndeliveredFile::remove)) {
             if let Err(error) = removed {
-                warn!(%error, "a file of delivered results stays");
+                warn!(%error, "cannot remove a file of delivered results");
             }
         }
     }

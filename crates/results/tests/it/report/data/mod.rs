@@ -378,7 +378,7 @@ pub(crate) fn no_optima(note: &str) -> Vec<(Optimum, Option<Verification>)> {
     all.map(|optimum| (optimum, None)).collect()
 }
 
-/// 500 evenly spaced samples with this 90 % percentile; `apart` is the distance of neighbours.
+/// 500 evenly spaced samples with this 90th percentile; `apart` is the distance of neighbours.
 pub(crate) fn verification(p90: f64, apart: f64) -> Verification {
     let n: u32 = 500;
     let middle = 0.9 * f64::from(n - 1);

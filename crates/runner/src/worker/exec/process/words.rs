@@ -67,7 +67,7 @@ impl Process {
         }
         let unfinished = match self.pending.trim_ascii() {
             [] => String::new(),
-            rest => format!(" (the last line that it wrote has no end: {})", quote(rest)),
+            rest => format!(" (its last line has no newline: {})", quote(rest)),
         };
         format!(
             "gave no answer within {seconds} s and was ended{unfinished}. If it has answered, it must \

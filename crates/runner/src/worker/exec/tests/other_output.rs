@@ -116,10 +116,7 @@ fn a_missing_answer_hints_at_flushing_and_names_what_was_skipped() {
         ),
         (
             "printf '{\"id\":%s,\"delta' \"$id\"",
-            &[
-                "the last line that it wrote has no end: {\"id\":4,\"delta",
-                flush,
-            ],
+            &["its last line has no newline: {\"id\":4,\"delta", flush],
         ),
     ] {
         let error = run(&hasty(&format!("on_sample() {{ {missing}; }}")), THREE).unwrap_err();

@@ -183,7 +183,7 @@ fn what_goes_wrong_with_files_is_told_with_the_folder_that_is_kept() {
             "a short name",
             false,
         ),
-        (TEMPLATE, "sleep 60", "was not done within 0.3 s", true),
+        (TEMPLATE, "sleep 60", "did not end within 0.3 s", true),
     ] {
         let (problem, mut backend, _folder) = through_files(template, command);
         if let Backend::External(programs) = &mut backend {
