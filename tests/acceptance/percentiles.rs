@@ -55,6 +55,7 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
     let changes = [
         ("aim = \"minimise\"", "aim = \"maximise\""),
         ("samples = 2000", "samples = 200"),
+        ("[verify]", "[enrichment]\nsamples = 400\n\n[verify]"),
     ];
     let (sandbox, status) = campaign("exponential", &changes);
     // At the corner (1, 1) the bowl is 5.98; the 10th percentile of the noise is 0.105.
@@ -72,7 +73,7 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
         assert_code(&table, 0);
         printed(&table)
     };
-    for table in ["optima", "responses", "samples"] {
+    for table in ["optima", "responses", "samples", "rounds"] {
         let csv = export(table);
         assert!(!csv.contains("minus") && !csv.contains("p90"), "{csv}");
         assert!(!csv.contains(",-"), "no negative value: {csv}");

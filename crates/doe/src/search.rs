@@ -275,7 +275,9 @@ impl Search {
 /// unless `left` is positive. The shift is unsigned because few vector units shift signed 64-bit integers.
 #[inline(always)]
 fn pair_energy(left: i64, shift: u32) -> i64 {
-    let scaled = (left.cast_unsigned() >> shift).cast_signed() + 1;
+    let scaled = (left.cast_unsigned() >> shift)
+        .wrapping_add(1)
+        .cast_signed();
     if left > 0 { square(scaled) } else { 0 }
 }
 

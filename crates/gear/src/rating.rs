@@ -336,7 +336,11 @@ fn stiffness(pair: &UnloadedPair, blank_factor: f64, line_load: f64) -> MeshStif
     let [z1, z2] = g
         .teeth
         .map(|z| f64::from(z) / (cos_bb * cos_bb * g.beta.cos()));
-    let [x1, x2] = input.profile_shift;
+    // Index 1 of the formula is the gear of fewer teeth, whichever of the two drives.
+    let ([z1, z2], [x1, x2]) = match (z1 <= z2, input.profile_shift) {
+        (true, [x1, x2]) => ([z1, z2], [x1, x2]),
+        (false, [x1, x2]) => ([z2, z1], [x2, x1]),
+    };
     let q = 0.04723 + 0.15551 / z1 + 0.25791 / z2
         - 0.00635 * x1
         - 0.11654 * x1 / z1

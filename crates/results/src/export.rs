@@ -125,19 +125,19 @@ impl<'a, W: Write + Send> Destination<'a, W> {
 
 /// A column of a variable, a response or a criterion.
 fn quantity(quantity: &Quantity) -> Column {
-    let quantity = modelling::Quantity::of_problem(&quantity.name, &quantity.unit);
-    let modelling::Quantity { name, unit } = quantity;
+    number(&quantity.name, &quantity.unit)
+}
+
+/// A column of a problem's quantity with this name and unit.
+fn number(name: &str, unit: &str) -> Column {
+    let modelling::Quantity { name, unit } = modelling::Quantity::of_problem(name, unit);
     Column::number(name).in_unit(unit.unwrap_or_default())
 }
 
 /// Columns of the variables that the DoE moves.
 fn coordinates(problem: &Problem) -> impl Iterator<Item = Column> {
-    problem.free_names().filter_map(|name| {
-        let mut variables = problem.variables().iter();
-        variables
-            .find(|variable| variable.name == name)
-            .map(quantity)
-    })
+    let coordinates = problem.coordinates().iter();
+    coordinates.map(|coordinate| number(&coordinate.name, &coordinate.unit))
 }
 
 fn cpu_seconds() -> Column {
@@ -442,4 +442,24 @@ async fn optima<W: Write + Send>(
         out.write(&row)?;
     }
     out.finish()
+}
+
+#[cfg(test)]
+mod tests {
+    use problem::Campaign;
+
+    use super::*;
+
+    /// The radii are free in modules, and variables in millimetres.
+    #[test]
+    fn every_coordinate_has_a_column() {
+        let text = Campaign::PAIR.replacen(
+            "tip_radius_modules = 0.02",
+            "tip_radius_modules = [0.0, 0.05]",
+            1,
+        );
+        let problem = Problem::new(Campaign::parse("c.toml", &text).unwrap());
+        assert_eq!(problem.dimension(), 7);
+        assert_eq!(coordinates(&problem).count(), 7);
+    }
 }

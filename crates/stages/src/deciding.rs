@@ -367,6 +367,8 @@ impl Rows {
         let mut decision = enrich::decide(&state, &options, &exact)?;
         if let Some(best) = &mut decision.recommendation {
             best.predicted = problem.cost(best.predicted);
+            let [a, b] = <[f64; 2]>::from(best.interval).map(|end| problem.cost(end));
+            best.interval = (a.min(b), a.max(b));
         }
         let round = self.rounds.len() as u64;
         let mut taken: Vec<u64> = self.infill.iter().map(|row| row.number).collect();

@@ -113,7 +113,23 @@ pub fn paired_difference(
         0.0
     };
     let value = a.value - b.value;
-    let half = |a: f64, b: f64| (a * a + b * b - 2.0 * correlation * a * b).max(0.0).sqrt();
+    if !value.is_finite() {
+        // Apart from their order, infinite percentiles cannot be compared.
+        let are_apart = of_a.0 > of_b.1 || of_b.0 > of_a.1;
+        let interval = are_apart.then_some((value, value));
+        return Ok(interval.map(|interval| IntervalEstimate {
+            n,
+            value,
+            interval: Some(interval),
+        }));
+    }
+    let half = |a: f64, b: f64| {
+        if a.is_finite() && b.is_finite() {
+            (a * a + b * b - 2.0 * correlation * a * b).max(0.0).sqrt()
+        } else {
+            f64::INFINITY
+        }
+    };
     let low = value - half(a.value - of_a.0, of_b.1 - b.value);
     let high = value + half(of_a.1 - a.value, b.value - of_b.0);
     Ok(Some(IntervalEstimate {
@@ -159,9 +175,9 @@ fn at_rank(sorted: &[f64], rank: f64) -> f64 {
     interpolate(sorted[below - 1], sorted[above - 1], rank - rank.floor())
 }
 
-/// a + share (b − a), also of infinite values.
+/// a + share (b − a); an infinite end between the two.
 fn interpolate(a: f64, b: f64, share: f64) -> f64 {
-    if share <= 0.0 || a == b {
+    if share <= 0.0 || a == b || a.is_infinite() {
         return a;
     }
     if share >= 1.0 {

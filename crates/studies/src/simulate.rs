@@ -250,11 +250,23 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
     let unworn = pair.unworn();
     let mut warnings = file.warnings();
     let loaded = Loaded::new(&unworn, worn.as_ref());
-    warnings.extend(doubts::of(&pair, &loaded));
+    warnings.extend(doubts::of(&pair, &loaded, file.allowances.as_ref()));
     let figures = figures(&pair, file, request, unworn, worn)?;
+    let has_limits = file
+        .load
+        .cases
+        .iter()
+        .any(|case| case.delta_ste_max_um.is_some());
+    if has_limits && request.wear != WearChoice::Random {
+        warnings.push(
+            "the limits delta_ste_max_um of the load cases need random pairs: add --wear random"
+                .to_owned(),
+        );
+    }
     let strength = file.material.strength(file.strength);
     let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&file.strength));
-    let constraints = gears::constraints(&file.limits(), &strength, &criteria);
+    let mut constraints = gears::constraints(&file.limits(), &strength, &criteria);
+    constraints.extend(figures.cases.iter().filter_map(CaseFigures::constraint));
     Ok(Simulation {
         schema_version: SCHEMA_VERSION,
         simulable: true,

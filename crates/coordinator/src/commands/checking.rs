@@ -1,5 +1,6 @@
 //! `check`: the plan of a campaign, with its time on this machine.
 
+use anyhow::Context as _;
 use problem::Campaign;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
@@ -82,7 +83,15 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
     let measured = match &trial {
         Some(trial) => Some(TrialTimes::of(trial, &problem)),
         None if campaign.is_external() => None,
-        None => Some(measure(&problem)?),
+        None => {
+            // A doubt about the file may be the cause.
+            let doubts = campaign.warnings().join("; ");
+            let measured = measure(&problem);
+            Some(match doubts.is_empty() {
+                true => measured?,
+                false => measured.with_context(|| doubts)?,
+            })
+        }
     };
     let TrialTimes {
         sampled,

@@ -188,3 +188,19 @@ fn a_relief_from_a_diameter_has_the_length_that_leads_to_it() {
         assert!((relief_length(pair.geometry(), member, diameter) - length).abs() < 1e-9);
     }
 }
+
+/// Either gear of a pair may drive.
+#[test]
+fn the_mesh_stiffness_does_not_depend_on_which_gear_is_the_pinion() {
+    let of = |input: &PairInput| {
+        let rating = rating::rate(&unloaded(input), 1.0, &Factors::default());
+        rating.stiffness.mesh_alpha
+    };
+    let input = plain();
+    let mut other = input.clone();
+    other.teeth.reverse();
+    other.profile_shift.reverse();
+    other.pinion_torque *= f64::from(input.teeth[1]) / f64::from(input.teeth[0]);
+    assert_ne!(input.teeth[0], input.teeth[1]);
+    assert!((of(&other) / of(&input) - 1.0).abs() < 1e-9);
+}

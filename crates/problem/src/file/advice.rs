@@ -19,6 +19,8 @@ const DEEPEST_WEAR_UM: f64 = 1000.0;
 const MOST_VARIANCE: f64 = 0.18;
 /// Amount of a correction in µm below which it cannot be made.
 const LEAST_CORRECTION_UM: f64 = 0.5;
+/// Share of the wear's depth above which a load case was probably given in percent.
+const MOST_WEAR_SHARE: f64 = 10.0;
 /// Usual profile shifts in modules, those that the paper allows.
 const USUAL_SHIFT: [f64; 2] = [-1.0, 2.0];
 
@@ -31,7 +33,7 @@ impl PairFile {
         let mut warnings =
             of_sections(&self.material, &self.wear, self.pair.face_width_mm.common());
         let pair = &self.pair;
-        warnings.extend(of_torque(
+        warnings.extend(of_torques(
             &self.load,
             input.size,
             pair.teeth,
@@ -56,7 +58,7 @@ impl GearSections {
         let mut warnings = of_sections(&self.material, &self.wear, face_width_mm);
         let pair = &self.pair;
         let size = gear_size(pair.centre_distance_mm, pair.normal_module_mm);
-        warnings.extend(of_torque(
+        warnings.extend(of_torques(
             &self.load,
             size,
             pair.teeth(),
@@ -123,31 +125,49 @@ fn of_sections(material: &Materials, wear: &Wear, face_width_mm: f64) -> Vec<Str
     warnings
 }
 
-/// A warning about a torque that no tooth carries: its tangential force over face width and module is above the
-/// material's σ_Hlim in MPa, and the root stress by ISO 6336-3 is about three times that force. Pressure angle in
+/// Warnings about torques that no tooth carries, and about shares of the wear that are percentages. A torque is too large if its tangential force over face width and module is above the
+/// material's σ_Hlim in MPa: the root stress by ISO 6336-3 is about three times that force. Pressure angle in
 /// degrees, face width in mm.
-fn of_torque(
+fn of_torques(
     load: &Load,
     size: Size,
     teeth: [u32; 2],
     [pressure_angle_deg, face_width_mm]: [f64; 2],
     contact_limit_mpa: f64,
-) -> Option<String> {
-    let torque = load.pinion_torque_nm;
+) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let named = || load.cases.iter().zip(load.case_names());
+    for (case, name) in named().filter(|(case, _)| case.wear > MOST_WEAR_SHARE) {
+        warnings.push(format!(
+            "wear of the load case {name:?} is {}, that many times the depth of [wear]: did you mean {}?",
+            case.wear,
+            case.wear * 1e-2
+        ));
+    }
     // The module of a spur pair without profile shift is near enough.
-    let module =
-        gear::normal_module(teeth, size, pressure_angle_deg.to_radians(), 0.0, 0.0).ok()?;
-    let force = 2e3 * torque / (module * f64::from(teeth[0]));
-    let stress = force / (face_width_mm * module);
+    let module = gear::normal_module(teeth, size, pressure_angle_deg.to_radians(), 0.0, 0.0);
     // A strange face width has its own warning.
     let is_usual = (FACE_WIDTH_MM[0]..=FACE_WIDTH_MM[1]).contains(&face_width_mm);
-    (is_usual && stress > contact_limit_mpa).then(|| {
-        format!(
-            "load.pinion_torque_nm is {torque} N·m: its tangential force over face width and module is {stress:.0} MPa, \
-             above the σ_Hlim of {contact_limit_mpa} MPa, which no tooth carries: did you mean {}?",
-            torque * 1e-3
-        )
-    })
+    let Some(module) = module.ok().filter(|_| is_usual) else {
+        return warnings;
+    };
+    let of_load = ("load.pinion_torque_nm".to_owned(), load.pinion_torque_nm);
+    let of_cases = named().filter_map(|(case, name)| {
+        let key = format!("pinion_torque_nm of the load case {name:?}");
+        Some((key, case.pinion_torque_nm?))
+    });
+    for (key, torque) in std::iter::once(of_load).chain(of_cases) {
+        let force = 2e3 * torque / (module * f64::from(teeth[0]));
+        let stress = force / (face_width_mm * module);
+        if stress > contact_limit_mpa {
+            warnings.push(format!(
+                "{key} is {torque} N·m: its tangential force over face width and module is {stress:.0} MPa, above the σ_Hlim \
+                 of {contact_limit_mpa} MPa, which no tooth carries: did you mean {}?",
+                torque * 1e-3
+            ));
+        }
+    }
+    warnings
 }
 
 /// A warning about negative helix angles, of which only the magnitude counts.
@@ -256,11 +276,6 @@ fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) -> Vec<Stri
             "pair.helix_angle_deg",
             &[pair.helix_angle_deg.abs()],
         ),
-        outside(
-            Range::PROFILE_SHIFT,
-            "pair.profile_shift",
-            &pair.profile_shift,
-        ),
     ];
     if let Some(geometry) = geometry {
         let width = geometry.face_width / geometry.normal_module;
@@ -269,10 +284,6 @@ fn of_coupled(pair: &PairSection, geometry: Option<&gear::Geometry>) -> Vec<Stri
             "the face width over the normal module",
             &[width],
         ));
-        warnings.push(geometry.undercut.contains(&true).then(|| {
-            "a tooth is undercut: the tooth model \"coupled\" was not compared with finite elements for that"
-                .to_owned()
-        }));
     }
     warnings.into_iter().flatten().collect()
 }
@@ -445,6 +456,16 @@ mod tests {
                 "pinion_torque_nm = 200.0",
                 "pinion_torque_nm = 200000.0",
                 "load.pinion_torque_nm is 200000 N·m",
+            ),
+            (
+                "[material]",
+                "[[load.cases]]\nname = \"start\"\npinion_torque_nm = 300000.0\n[material]",
+                "pinion_torque_nm of the load case \"start\" is 300000 N·m",
+            ),
+            (
+                "[material]",
+                "[[load.cases]]\nwear = 50.0\n[material]",
+                "wear of the load case \"case_1\" is 50, that many times the depth of [wear]: did you mean 0.5?",
             ),
             (
                 "variance = 0.01",

@@ -120,7 +120,10 @@ fn ignored_seeds(
     limited: &[ResponseRow],
 ) -> Option<String> {
     // Rounding leaves a small standard deviation of equal numbers.
-    let is_constant = |row: &ResponseRow| row.standard_deviation <= 1e-12 * row.mean.abs();
+    // A design whose samples all failed has an infinite mean.
+    let is_constant = |row: &ResponseRow| {
+        row.mean.is_finite() && row.standard_deviation <= 1e-12 * row.mean.abs()
+    };
     let mut all = responses.iter().chain(limited);
     let is_suspicious = !responses.is_empty() && all.all(is_constant);
     is_suspicious.then(|| {

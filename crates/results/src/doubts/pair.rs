@@ -1,7 +1,9 @@
 //! Doubts about a simulated pair. [`PairFile::warnings`](problem::PairFile::warnings) has the doubts that the file
 //! alone shows.
 
+use gear::inspection::{Limits, Sheet};
 use gear::{Analysis, Pair, Range, ToothModel};
+use problem::file::Allowances;
 use problem::formulation::{Design, Problem};
 
 use crate::number::significant;
@@ -55,14 +57,16 @@ pub fn of_design(problem: &Problem, design: &Design) -> Vec<String> {
         |_| Vec::new(),
         |pair| {
             let worn = (!compares_new).then(|| pair.archard(gears.wear()).analysis);
-            of(&pair, &Loaded::new(&pair.unworn(), worn.as_ref()))
+            let loaded = Loaded::new(&pair.unworn(), worn.as_ref());
+            let allowances = sections.and_then(|sections| sections.allowances.as_ref());
+            of(&pair, &loaded, allowances)
         },
     )
 }
 
-/// The doubts about a pair.
+/// The doubts about a pair, whose thicknesses and centre distance may have `allowances`.
 #[must_use]
-pub fn of(pair: &Pair, loaded: &Loaded) -> Vec<String> {
+pub fn of(pair: &Pair, loaded: &Loaded, allowances: Option<&Allowances>) -> Vec<String> {
     let (g, input) = (pair.geometry(), pair.input());
     let mut doubts = Vec::new();
     if g.beta > 0.0 && g.eps_beta > 0.5 && (g.eps_beta - g.eps_beta.round()).abs() < WHOLE {
@@ -72,7 +76,11 @@ pub fn of(pair: &Pair, loaded: &Loaded) -> Vec<String> {
             g.eps_beta
         ));
     }
-    // The warnings of the file cover the coupled model.
+    doubts.extend(allowances.and_then(|allowances| of_backlash(pair, allowances)));
+    if input.tooth_model == ToothModel::Coupled {
+        doubts.extend(beyond_comparison(pair));
+    }
+    // The warnings of the file cover the face width for the coupled model.
     let width = g.face_width / g.normal_module;
     if input.tooth_model != ToothModel::Coupled && !Range::FACE_WIDTH.contains(width) {
         let [low, high] = Range::FACE_WIDTH.limits;
@@ -95,6 +103,46 @@ pub fn of(pair: &Pair, loaded: &Loaded) -> Vec<String> {
     }
     doubts.extend(of_load(pair, loaded.pressure_mpa));
     doubts.extend(of_transmission_error(loaded));
+    doubts
+}
+
+/// A doubt about allowances that leave no backlash. A nominal pair without backlash is refused before.
+fn of_backlash(pair: &Pair, allowances: &Allowances) -> Option<String> {
+    let limits = Limits::new(pair, &Sheet::new(pair), &allowances.to_gear());
+    let [_, least] = limits.normal_backlash;
+    // The backlash is zero up to rounding if it follows from the centre distance.
+    (least < -1e-6).then(|| {
+        format!(
+            "the smallest normal backlash j_bn within [allowances] is {} mm, so the teeth can jam: thinner teeth or a larger \
+             centre distance give them room",
+            significant(least, 3)
+        )
+    })
+}
+
+/// Doubts about a pair for which the coupled tooth model was not compared with finite elements. The warnings of the file
+/// cover what all designs of a campaign share.
+fn beyond_comparison(pair: &Pair) -> Vec<String> {
+    let range = Range::PROFILE_SHIFT;
+    let [low, high] = range.limits;
+    let each = ["pinion", "mate"]
+        .into_iter()
+        .zip(pair.input().profile_shift);
+    let strange = each.filter(|(_, shift)| !range.contains(*shift));
+    let mut doubts: Vec<String> = strange
+        .map(|(gear, shift)| {
+            format!(
+                "the profile shift of the {gear} is {:.4}: the tooth model \"coupled\" was compared with finite elements for {} \
+                 from {low} to {high}, so that its error here is unknown",
+                shift, range.name
+            )
+        })
+        .collect();
+    if pair.geometry().undercut.contains(&true) {
+        doubts.push(
+            "a tooth is undercut: the tooth model \"coupled\" was not compared with finite elements for that".to_owned(),
+        );
+    }
     doubts
 }
 
@@ -179,7 +227,7 @@ contact_limit_mpa = 1500.0
         let file = PairFile::parse("p.toml", text).unwrap();
         let grid = gear::Discretisation::of(file.pair.tooth_model);
         let pair = Pair::with_corrections(&file.to_gear(), &file.corrections(), &grid).unwrap();
-        of(&pair, loaded)
+        of(&pair, loaded, file.allowances.as_ref())
     }
 
     #[test]
@@ -190,6 +238,7 @@ contact_limit_mpa = 1500.0
             found(&PAIR.replace(from, to), &LOADED)
         };
         // ε_β = b sin β/(π m) is 1 at 18.371 mm.
+        let thick = "100.0\n[allowances]\ntooth_thickness_um = { pinion = [60.0, 30.0], mate = [0.0, -10.0] }";
         let long =
             "100.0\n[corrections]\ntip_relief_um = [5.0, 5.0]\ntip_relief_length_mm = [5.0, 2.0]";
         for (found, part) in [
@@ -198,6 +247,19 @@ contact_limit_mpa = 1500.0
             (
                 with("nm = 100.0", &format!("nm = {long}")),
                 "tip relief of the pinion covers",
+            ),
+            (
+                with("nm = 100.0", &format!("nm = {thick}")),
+                "smallest normal backlash j_bn within [allowances] is −0.056",
+            ),
+            (
+                found(
+                    &PAIR
+                        .replace("weber-banaschek", "coupled")
+                        .replace("[0.2, 0.1]", "[0.2, -0.15]"),
+                    &LOADED,
+                ),
+                "the profile shift of the mate is -0.1500: the tooth model",
             ),
             (
                 with("nm = 100.0", "nm = 0.1"),

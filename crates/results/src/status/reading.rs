@@ -55,8 +55,8 @@ pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyh
             .len();
         if open > 0 {
             warnings.push(format!(
-                "The campaign ended without samples of {open} designs, whose jobs were quarantined. The same command \
-                 tries them again."
+                "The campaign ended without samples of {open} designs: their jobs were quarantined, or samples were discarded \
+                 since. The same command computes them, and all that follows from them."
             ));
         }
     }

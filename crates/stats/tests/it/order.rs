@@ -50,6 +50,36 @@ fn infinite_samples_count_as_the_largest() {
     ));
 }
 
+/// An interval without an upper end says so, and a difference from it has none either.
+#[test]
+fn open_intervals_have_no_finite_difference() {
+    let mut failing: Vec<f64> = (0..100).map(f64::from).collect();
+    failing[10..15].fill(f64::INFINITY);
+    let sound: Vec<f64> = (0..100).map(|i| f64::from(i) + 0.5).collect();
+    let open = order_statistic(&failing, 0.9, CONFIDENCE).unwrap();
+    assert!(open.value.is_finite() && open.interval.unwrap().1 == f64::INFINITY);
+    for (first, second, end) in [
+        (&failing, &sound, f64::INFINITY),
+        (&sound, &failing, f64::NEG_INFINITY),
+    ] {
+        let difference = paired_difference(first, second, 0.9, CONFIDENCE).unwrap();
+        let (low, high) = difference.unwrap().interval.unwrap();
+        assert!(low < 0.0 && high > 0.0, "{low} {high}");
+        assert!([low, high].contains(&end), "{low} {high}");
+    }
+    // The same for small values.
+    let negative: Vec<f64> = failing.iter().map(|sample| -sample).collect();
+    let open = order_statistic(&negative, 0.1, CONFIDENCE).unwrap();
+    assert_eq!(open.interval.unwrap().0, f64::NEG_INFINITY);
+    // A percentile that is infinite itself is worse than any finite one below its interval.
+    failing[10..60].fill(f64::INFINITY);
+    let difference = paired_difference(&failing, &sound, 0.9, CONFIDENCE).unwrap();
+    assert_eq!(
+        difference.unwrap().interval,
+        Some((f64::INFINITY, f64::INFINITY))
+    );
+}
+
 /// Samples that are all equal have a percentile, and an interval of no width.
 #[test]
 fn equal_samples_have_an_interval_of_one_point() {

@@ -3,6 +3,7 @@
 use gear::Pair;
 use problem::PairFile;
 use problem::formulation::gears::LoadedCases;
+use problem::formulation::{Bound, Constraint};
 use results::number::fixed;
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
@@ -22,6 +23,9 @@ pub(super) struct CaseFigures {
     p90_um: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_interval_um: Option<[f64; 2]>,
+    /// Limit of P90.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    delta_ste_max_um: Option<f64>,
 }
 
 impl CaseFigures {
@@ -61,9 +65,17 @@ impl CaseFigures {
                 delta_ste_um: analysis.delta_ste_um,
                 p90_um: p90.map(|p90| p90.value),
                 p90_interval_um: p90.and_then(|p90| p90.interval.map(<[f64; 2]>::from)),
+                delta_ste_max_um: case.delta_ste_max_um,
             })
         })
         .collect()
+    }
+
+    /// The constraint on the case's P90, if it has a limit and random pairs were simulated.
+    pub(super) fn constraint(&self) -> Option<Constraint> {
+        let name = format!("P90 of ΔSTE, case {}", self.name);
+        let (value, limit) = (self.p90_um?, self.delta_ste_max_um?);
+        Some(Constraint::new(name, "µm", value, Bound::AtMost, limit))
     }
 
     /// The case and its figures, in words.

@@ -118,6 +118,40 @@ fn a_flank_class_scatters_random_samples_and_is_named() {
     assert!(html.contains("Slope deviations are not drawn.") && html.contains("±6.85"));
 }
 
+/// The limit of a load case is one of P90, which takes random pairs.
+#[test]
+fn limits_of_load_cases_are_held_against_random_pairs() {
+    let text = PAIR.replace(
+        "[material]",
+        "[[load.cases]]\nname = \"worn\"\ndelta_ste_max_um = 1e-3\n[material]",
+    );
+    let file = PairFile::parse("p.toml", &text).unwrap();
+    let archard = Request {
+        wear: WearChoice::Archard,
+        ..UNWORN
+    };
+    let without = run(&file, archard).unwrap();
+    assert!(
+        without
+            .warnings
+            .iter()
+            .any(|one| one.contains("add --wear random"))
+    );
+    let random = Request {
+        wear: WearChoice::Random,
+        ..UNWORN
+    };
+    let with = run(&file, random).unwrap();
+    let broken: Vec<&str> = with
+        .constraints
+        .iter()
+        .filter(|one| !one.holds())
+        .map(|one| &*one.name)
+        .collect();
+    assert_eq!(broken, ["P90 of ΔSTE, case worn"]);
+    assert!(!with.feasible && without.feasible);
+}
+
 #[test]
 fn every_limit_of_the_file_is_held_against_its_figure() {
     let figures = |simulation: &Simulation| simulation.figures.clone().unwrap();

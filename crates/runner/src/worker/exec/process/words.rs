@@ -62,7 +62,8 @@ impl Process {
         }
         if matches!(self.answer(read, true), Ok(Some(_))) {
             return format!(
-                "gave its answer only when its input was closed, after {seconds} s: it must {FLUSH}"
+                "gave its answer only when its input was closed, after its {seconds} s: it needs a longer time \
+                 (simulator.timeout_s or --exec-timeout), or it must {FLUSH}"
             );
         }
         let unfinished = match self.pending.trim_ascii() {

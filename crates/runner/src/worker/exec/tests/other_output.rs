@@ -130,7 +130,7 @@ fn a_missing_answer_hints_at_flushing_and_names_what_was_skipped() {
     );
     let error = run(&backend_of(buffered, Duration::from_millis(500)), THREE).unwrap_err();
     assert!(
-        error.contains("only when its input was closed, after 0.5 s") && error.contains(flush),
+        error.contains("only when its input was closed, after its 0.5 s") && error.contains(flush),
         "{error}"
     );
 }
