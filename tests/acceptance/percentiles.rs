@@ -55,7 +55,11 @@ fn a_maximised_response_is_shown_in_its_own_sign_and_at_its_own_level() {
     let changes = [
         ("aim = \"minimise\"", "aim = \"maximise\""),
         ("samples = 2000", "samples = 200"),
-        ("[verify]", "[enrichment]\nsamples = 400\n\n[verify]"),
+        (
+            "[verify]",
+            "[enrichment]\nrounds = 3\nsamples = 400\nsamples_per_point = 10\npoints_per_round = 3\n\
+             tolerance = 0.05\n\n[verify]",
+        ),
     ];
     let (sandbox, status) = campaign("exponential", &changes);
     // At the corner (1, 1) the bowl is 5.98; the 10th percentile of the noise is 0.105.

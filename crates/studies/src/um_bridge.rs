@@ -268,7 +268,7 @@ mod tests {
         assert!(short.message.contains("two lists, of 11 and of"), "{short}");
         let key = refused("InputSizes", here(json!([]), json!({ "mesh": 3 })));
         assert!(
-            key.message.contains("its one key is \"coefficients\""),
+            key.message.contains("it may only have \"coefficients\""),
             "{key}"
         );
         let few = refused(

@@ -315,7 +315,7 @@ mod tests {
         }
         let mut nonsense = crate::protocol::result(&point, &Ok(None), 0.0);
         let error = read(&problem(), &nonsense).unwrap().rows.unwrap_err();
-        assert!(error.contains("the worker's result must be"), "{error}");
+        assert!(error.contains("the worker's result must hold"), "{error}");
         nonsense.unit = None;
         assert!(read(&problem(), &nonsense).is_err());
     }

@@ -547,7 +547,7 @@ mod tests {
             ),
             (|result| result.samples.push(1.0), "sample count"),
             (|result| result.responses[3] = f64::NAN, "not a number"),
-            (|result| result.error = Some(String::new()), "either"),
+            (|result| result.error = Some(String::new()), "exactly one"),
             (
                 |result| result.unit.as_mut().unwrap().kind = v1::Kind::Point.into(),
                 "does not match",
