@@ -42,6 +42,7 @@ mod variant;
 mod wear;
 
 pub use self::kriging::Kriging;
+pub use advice::outside;
 pub use allowances::{Allowances, ThicknessAllowances};
 pub use bounds::{Bounds, Each, FrozenFrom, FrozenSection, OfGears, Relation, Setting};
 pub(crate) use bounds::{HELIX_ANGLE, ROOT_RADII, TIP_RADII};

@@ -241,8 +241,9 @@ fn ends(setting: &Setting) -> Vec<f64> {
     }
 }
 
-/// The sentence about a value outside the pairs for which the tooth model is known; `key` is the file's.
-fn outside(range: Range, key: &str, values: &[f64]) -> Option<String> {
+/// The sentence about values outside the pairs for which the tooth model is known; `what` names them.
+#[must_use]
+pub fn outside(range: Range, what: &str, values: &[f64]) -> Option<String> {
     let strange: Vec<String> = values
         .iter()
         .filter(|value| !range.contains(**value))
@@ -251,7 +252,7 @@ fn outside(range: Range, key: &str, values: &[f64]) -> Option<String> {
     let [low, high] = range.limits;
     (!strange.is_empty()).then(|| {
         format!(
-            "{key} is {}: the tooth model \"coupled\" was compared with finite elements for {} from {low} to {high}, \
+            "{what} is {}: the tooth model \"coupled\" was compared with finite elements for {} from {low} to {high}, \
              so that its error here is unknown",
             strange.join(", "),
             range.name

@@ -3,7 +3,7 @@
 
 use gear::inspection::{Limits, Sheet};
 use gear::{Analysis, Pair, Range, ToothModel};
-use problem::file::Allowances;
+use problem::file::{Allowances, outside};
 use problem::formulation::{Design, Problem};
 
 use crate::number::significant;
@@ -123,18 +123,15 @@ fn of_backlash(pair: &Pair, allowances: &Allowances) -> Option<String> {
 /// Doubts about a pair for which the coupled tooth model was not compared with finite elements. The warnings of the file
 /// cover what all designs of a campaign share.
 fn beyond_comparison(pair: &Pair) -> Vec<String> {
-    let range = Range::PROFILE_SHIFT;
-    let [low, high] = range.limits;
     let each = ["pinion", "mate"]
         .into_iter()
         .zip(pair.input().profile_shift);
-    let strange = each.filter(|(_, shift)| !range.contains(*shift));
-    let mut doubts: Vec<String> = strange
-        .map(|(gear, shift)| {
-            format!(
-                "the profile shift of the {gear} is {:.4}: the tooth model \"coupled\" was compared with finite elements for {} \
-                 from {low} to {high}, so that its error here is unknown",
-                shift, range.name
+    let mut doubts: Vec<String> = each
+        .filter_map(|(gear, shift)| {
+            outside(
+                Range::PROFILE_SHIFT,
+                &format!("the profile shift of the {gear}"),
+                &[shift],
             )
         })
         .collect();
@@ -259,7 +256,7 @@ contact_limit_mpa = 1500.0
                         .replace("[0.2, 0.1]", "[0.2, -0.15]"),
                     &LOADED,
                 ),
-                "the profile shift of the mate is -0.1500: the tooth model",
+                "the profile shift of the mate is -0.15: the tooth model",
             ),
             (
                 with("nm = 100.0", "nm = 0.1"),
