@@ -387,7 +387,8 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
             output::write(out, format!("{model}\n").as_bytes())?;
         } else {
             let file = output::create(out)?;
-            export::write(&store, table, arguments.format, file).await?;
+            let written = export::write(&store, table, arguments.format, file).await;
+            written.inspect_err(|_| output::remove(out))?;
         }
     }
     if let Some(out) = &what.pair {

@@ -90,10 +90,15 @@ impl<'a> Header<'a> {
             false => responses,
         };
         let all = [&*variables, &responses, &sampled].concat().join(", ");
+        let found: Vec<&str> = columns.iter().collect();
+        let found = found.join(",");
         let placed = |names: Vec<&'a str>| {
             let placed = names.into_iter().map(|name| {
                 let place = place(name).ok_or_else(|| {
-                    format!("there is no column {name}; a table of designs has the columns {all}")
+                    format!(
+                        "there is no column {name} in the header {found:?}; a table of designs has the columns {all}, \
+                         separated by commas"
+                    )
                 })?;
                 Ok((name, place))
             });
@@ -371,7 +376,7 @@ mod tests {
             (
                 "responses",
                 "width,thickness\n2,3\n",
-                "there is no column area; a table of designs has the columns width, thickness, area",
+                "there is no column area in the header \"width,thickness\"; a table of designs has the columns width, thickness, area, separated by commas",
             ),
             (
                 "responses",
@@ -445,7 +450,7 @@ mod tests {
         let error = table("width,thickness,displacement\n2,3,0.1\n2,3,\n");
         assert!(error.contains("designs that differ"), "{error}");
         let error = table("width,thickness\n2,3\n");
-        assert!(error.contains("there is no column displacement; a table of designs has the columns width, thickness, displacement"), "{error}");
+        assert!(error.contains("; a table of designs has the columns width, thickness, displacement, separated by commas"), "{error}");
         let random = include_str!("../../../campaigns/bracket/campaign.toml");
         let own = "[doe]\npoints = [[20.0, 30.0]]\nsamples = [[[1.0, 2.0, 3.0]]]\n";
         let random = random.replacen("[doe]", own, 1);

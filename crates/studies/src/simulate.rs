@@ -15,7 +15,7 @@ mod exchange;
 mod page;
 mod text;
 
-use cases::CaseFigures;
+use cases::{CaseFigures, Cases};
 pub use exchange::{Imported, import};
 pub use page::{Subject, write_page};
 pub use text::describe;
@@ -113,8 +113,8 @@ pub struct Figures {
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_interval_um: Option<[f64; 2]>,
     /// The pair in each of the file's load cases.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    cases: Vec<CaseFigures>,
+    #[serde(flatten)]
+    cases: Cases,
 }
 
 /// The scatter of slopes, of the shafts' misalignment and of the tip relief in the samples. Each deviation is normal, and its tolerance ±
@@ -266,7 +266,13 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
     let strength = file.material.strength(file.strength);
     let criteria = GearCriteria::of_pair(&pair, figures.hertz_pressure_mpa, Some(&file.strength));
     let mut constraints = gears::constraints(&file.limits(), &strength, &criteria);
-    constraints.extend(figures.cases.iter().filter_map(CaseFigures::constraint));
+    constraints.extend(
+        figures
+            .cases
+            .each
+            .iter()
+            .filter_map(CaseFigures::constraint),
+    );
     Ok(Simulation {
         schema_version: SCHEMA_VERSION,
         simulable: true,
@@ -372,7 +378,7 @@ fn figures(
         samples_um: samples,
         mean_um: moments.map(|(mean, _)| mean),
         sd_um: moments.map(|(_, sd)| sd),
-        cases: CaseFigures::of(pair, file, request)?,
+        cases: Cases::of(pair, file, request)?,
         p90_um: percentile.map(|percentile| percentile.value),
         p90_interval_um: percentile
             .and_then(|percentile| percentile.interval.map(<[f64; 2]>::from)),

@@ -13,6 +13,7 @@ use problem::formulation::Problem;
 use problem::optimise::Solution;
 use problem::{Campaign, PairFile};
 use rayon::prelude::*;
+use results::doubts;
 use results::number::fixed;
 use results::report::charts::{self, PercentileSeries};
 use results::report::write_file;
@@ -160,6 +161,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, all: &[Sized]) -> anyhow::R
         let file = PairFile::of_design(sections, &best.design);
         write_file(out, &format!("pair-{}.toml", place + 1), file.to_toml())?;
     }
+    page += &doubts(all);
     match charts::teeth(&measure, &lines(all)) {
         Ok(chart) => {
             write_file(out, "sizing.svg", chart.standalone())?;
@@ -172,6 +174,30 @@ pub fn write_tables(out: &Path, campaign: &Campaign, all: &[Sized]) -> anyhow::R
         page,
         tables: vec![("sizing", figures)],
     })
+}
+
+/// The warnings about the verified designs, each with the pairs that it is about, as Markdown.
+fn doubts(all: &[Sized]) -> String {
+    let mut about: Vec<(String, Vec<String>)> = Vec::new();
+    for (place, one) in (1..).zip(all) {
+        let (Some(best), Some(_)) = (&one.best, one.verified) else {
+            continue;
+        };
+        let problem = Problem::new(one.size.campaign.clone());
+        let of_design = doubts::pair::of_design(&problem, &best.design);
+        for doubt in one.size.campaign.warnings().into_iter().chain(of_design) {
+            let pair = place.to_string();
+            match about.iter_mut().find(|(known, _)| *known == doubt) {
+                Some((_, pairs)) => pairs.push(pair),
+                None => about.push((doubt, vec![pair])),
+            }
+        }
+    }
+    let line = |(doubt, pairs): &(String, Vec<String>)| {
+        let pair = if pairs.len() > 1 { "pairs" } else { "pair" };
+        format!("\n> Warning, {pair} {}: {doubt}\n", pairs.join(", "))
+    };
+    about.iter().map(line).collect()
 }
 
 fn summary(campaign: &Campaign, all: &[Sized]) -> PageTable {

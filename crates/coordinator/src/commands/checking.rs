@@ -206,7 +206,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
         .as_ref()
         .filter(|measured| measured.sampled > 0.0)
         .and_then(|measured| measured.feasible.clone());
-    let refused = trial.and_then(|trial| refused(&trial));
+    let of_trial = trial.map_or_else(Vec::new, |trial| trial_warnings(&trial));
     let beyond = beyond_one_store((n * k + points * verify) as f64);
     let plan = Plan {
         file,
@@ -228,7 +228,7 @@ pub(super) fn check(arguments: &arguments::Check) -> Result<u8, ProgramError> {
             .into_iter()
             .chain(beyond)
             .chain(over_budget(&campaign, &planned))
-            .chain(refused)
+            .chain(of_trial)
             .chain(feasible.as_ref().and_then(|tried| tried.warning.clone()))
             .collect(),
         feasible,
@@ -263,14 +263,29 @@ fn over_budget(campaign: &Campaign, planned: &[Calls]) -> Option<String> {
     })
 }
 
-/// A warning if the program refused designs of the trial.
-fn refused(trial: &Trial) -> Option<String> {
-    let first = trial.refused.first()?;
-    Some(format!(
-        "the program refused {} of {} random designs, the first because of {first}",
-        trial.refused.len(),
-        trial.designs
-    ))
+/// Warnings about designs of the trial that the program refused or failed, and about failed samples.
+fn trial_warnings(trial: &Trial) -> Vec<String> {
+    let designs = trial.designs;
+    let refused = trial.refused.first().map(|first| {
+        format!(
+            "the program refused {} of {designs} random designs, the first because of {first}",
+            trial.refused.len()
+        )
+    });
+    let failed = trial.failed.first().map(|first| {
+        format!(
+            "the program failed for {} of {designs} random designs, where a campaign would try each again and then go \
+             on without it; the first error: {first}",
+            trial.failed.len()
+        )
+    });
+    let samples = (trial.failed_samples > 0).then(|| {
+        format!(
+            "{} of {} samples have a value that is not a finite number and count as failed",
+            trial.failed_samples, trial.samples
+        )
+    });
+    [refused, failed, samples].into_iter().flatten().collect()
 }
 
 /// Samples that one store holds well: a store of 10⁸ opens in seconds (`load -- large`), and the time grows in

@@ -114,6 +114,14 @@ pub(super) fn write(out: &Path, content: &[u8]) -> Result<(), FileAccess> {
     written.map_err(|source| FileAccess::new("write", out, source))
 }
 
+/// Removes the target of `--out` after [`create`], if an error has left a part of the result in it.
+pub(super) fn remove(out: &Path) {
+    if !is_stdout(out) {
+        // The error that is reported says why there is no result.
+        let _ = std::fs::remove_file(out);
+    }
+}
+
 /// Refuses a file that exists. Called before anything is computed.
 pub(super) fn require_new_file(out: &Path) -> Result<(), FileAccess> {
     if is_stdout(out) || !out.exists() {

@@ -110,7 +110,8 @@ impl Load {
     }
 
     /// The measured ΔSTE, combined from the `values` in all cases.
-    pub(crate) fn combined(&self, values: &[f64]) -> f64 {
+    #[must_use]
+    pub fn combined(&self, values: &[f64]) -> f64 {
         match self.combination() {
             None => values[0],
             Some((several, places)) => several.of(places.into_iter().map(|place| values[place])),

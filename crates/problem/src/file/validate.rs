@@ -59,13 +59,18 @@ impl InvalidValue {
         is_key.then(|| Self::in_words(key, found, expected))
     }
 
-    /// The negative number that the text of an error states, as the value of `key`, a whole number.
-    fn of_negative(key: &str, text: &str) -> Option<Self> {
-        let number = text.strip_prefix("invalid value: integer `")?;
-        let (number, _) = number.split_once("`, expected u")?;
-        let expected = match key.ends_with("teeth") {
-            true => TEETH_IN_WORDS,
-            false => "a whole number, zero or more",
+    /// The whole number below zero or beyond its key's limit that the text of an error states, as the value of `key`.
+    fn of_whole_number(key: &str, text: &str) -> Option<Self> {
+        let number = text.strip_prefix("invalid value: integer `");
+        let number = number.or_else(|| text.strip_prefix("invalid type: integer `"))?;
+        let (number, expected) = number.split_once('`')?;
+        let bits: u32 = expected.rsplit_once("expected u")?.1.parse().ok()?;
+        // TOML's numbers have a sign.
+        let most = i64::MAX as u64 >> (64 - bits).saturating_sub(1);
+        let expected = match (key.ends_with("teeth"), number.starts_with('-')) {
+            (true, _) => TEETH_IN_WORDS.to_owned(),
+            (false, true) => "a whole number, zero or more".to_owned(),
+            (false, false) => format!("a whole number, at most {most}"),
         };
         Some(Self::in_words(key, number, expected))
     }
@@ -154,7 +159,7 @@ impl Source<'_> {
         }
         let (key, text) = (here?, error.message());
         let invalid = InvalidValue::of_unknown_name(&key, text)
-            .or_else(|| InvalidValue::of_negative(&key, text))?;
+            .or_else(|| InvalidValue::of_whole_number(&key, text))?;
         Some(self.error_at(line + 1, invalid))
     }
 
@@ -285,10 +290,21 @@ fn place(text: &str, error: &toml::de::Error) -> (usize, usize) {
 
 /// The line (from 0) of an error, and its message.
 fn explained(text: &str, error: &toml::de::Error) -> (usize, String) {
-    let (line, _) = place(text, error);
-    let key = key_at(text, line).map_or_else(String::new, |key| format!("{key}: "));
-    let message = error.message().replace('\n', " ");
-    (line, key + &in_plain_words(&message))
+    let (line, start) = place(text, error);
+    let message = in_plain_words(&error.message().replace('\n', " "));
+    let is_missing = message.starts_with("missing field");
+    let message = match keys(text).nth(line) {
+        Some((section, None)) if is_missing && !section.is_empty() => {
+            format!("{message} of [{section}]")
+        }
+        // A key that the whole file lacks is reported at its beginning.
+        Some((_, Some(_))) if !is_missing || start > 0 => {
+            let key = key_at(text, line).unwrap_or_default();
+            format!("{key}: {message}")
+        }
+        _ => message,
+    };
+    (line, message)
 }
 
 /// The text with empty lines in place of the unknown key of `error`, or of the unknown section with
@@ -380,6 +396,33 @@ mod tests {
     fn parsed(text: &str) -> Result<File, FileError> {
         let file = "c.toml";
         Source { file, text }.parse()
+    }
+
+    #[test]
+    fn a_missing_key_is_named_with_its_section_and_a_whole_number_with_its_limit() {
+        let refused = |text: &str| parsed(text).unwrap_err().to_string();
+        assert_eq!(
+            refused("seed = 1\n[load]\nteeth = [1, 2]\n"),
+            "c.toml, line 2: missing field `torque` of [load]"
+        );
+        assert_eq!(
+            refused("load = { torque = 1.0 }\n"),
+            "c.toml, line 1: missing field `seed`"
+        );
+        assert_eq!(
+            refused("seed = 1\nload = { teeth = [1, 2] }\n"),
+            "c.toml, line 2: load: missing field `torque`"
+        );
+        for (seed, expected) in [
+            ("-3", "zero or more"),
+            ("4294967296", "at most 4294967295"),
+            ("99999999999999999999999", "at most 4294967295"),
+        ] {
+            let error = refused(&format!("seed = {seed}\n[load]\ntorque = 2.0\n"));
+            let wanted =
+                format!("c.toml, line 1: seed is {seed}, but must be a whole number, {expected}");
+            assert_eq!(error, wanted);
+        }
     }
 
     #[test]

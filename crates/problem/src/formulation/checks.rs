@@ -4,7 +4,8 @@ use super::{Formulation, Problem, external, gears};
 
 impl Problem {
     /// Whether these values stand for a failed sample of an external program.
-    fn is_failed_sample(&self, values: &[f64]) -> bool {
+    #[must_use]
+    pub fn is_failed_sample(&self, values: &[f64]) -> bool {
         let sampling = &self.campaign.sampling;
         let is_failed = |value: &f64| *value == sampling.failed_sample();
         self.campaign.is_external() && sampling.tolerates_failures() && values.iter().all(is_failed)

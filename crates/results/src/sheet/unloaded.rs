@@ -440,11 +440,20 @@ fn modifications(pair: &UnloadedPair, sheet: &Sheet) -> Section {
     }
 }
 
+/// The tangential, radial and axial force of a mesh without friction at its working pitch point, N.
+fn bearing_forces(pair: &UnloadedPair) -> [f64; 3] {
+    let g = pair.geometry();
+    let (sine, cosine) = g.alpha_wt.sin_cos();
+    [cosine, sine, g.beta_b.tan()].map(|share| share * pair.base_force())
+}
+
 fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
     let (g, materials) = (pair.geometry(), file.material.each());
     let torque = file.load.pinion_torque_nm;
     let ratio = f64::from(g.teeth[1]) / f64::from(g.teeth[0]);
     let um = |tolerances: [f64; 2]| tolerances.map(|mm| 1e3 * mm);
+    let newtons = |key, words, symbol, force| Row::one(key, [words, symbol, "N"], force, 1);
+    let [tangential, radial, axial] = bearing_forces(pair);
     let mut rows = vec![
         Row::each(
             "torque_nm",
@@ -452,6 +461,20 @@ fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
             [torque, torque * ratio],
             2,
         ),
+        newtons(
+            "tangential_force_n",
+            "tangential force at the reference circle",
+            "F_t",
+            pair.input().pinion_torque / g.r[0],
+        ),
+        newtons(
+            "working_tangential_force_n",
+            "tangential force at the working pitch circle",
+            "F_wt",
+            tangential,
+        ),
+        newtons("radial_force_n", "radial force there", "F_r", radial),
+        newtons("axial_force_n", "axial force", "F_a", axial),
         Row::texts(
             "material",
             "material",
@@ -523,5 +546,30 @@ fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
     Section {
         title: "Load, material and tolerances",
         rows,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use problem::Campaign;
+
+    use super::*;
+
+    #[test]
+    fn bearing_forces_balance_the_torque_and_add_up_to_the_normal_force() {
+        let problem = Problem::new(Campaign::parse("paper.toml", Campaign::PAPER).unwrap());
+        let design = problem.design(&[0.25, 1.37, 1.37, 0.85, 1.31, 0.80], problem.base());
+        let pair = problem.gears().unwrap().pair(&design).unwrap();
+        let [tangential, radial, axial] = bearing_forces(&pair);
+        let (g, torque) = (pair.geometry(), pair.input().pinion_torque);
+        let working_radius =
+            g.centre_distance * f64::from(g.teeth[0]) / f64::from(g.teeth[0] + g.teeth[1]);
+        let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
+        close(tangential * working_radius, torque);
+        close(axial, torque / g.r[0] * g.beta.tan());
+        close(
+            radial.hypot(tangential).hypot(axial),
+            pair.base_force() / g.beta_b.cos(),
+        );
     }
 }

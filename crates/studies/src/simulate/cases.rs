@@ -10,6 +10,24 @@ use stats::streams::{Purpose, stream};
 
 use super::{Request, WearChoice};
 
+/// ΔSTE in the cases of a load.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub(super) struct Cases {
+    #[serde(rename = "cases", skip_serializing_if = "Vec::is_empty")]
+    pub(super) each: Vec<CaseFigures>,
+    /// The measure of a campaign with this load: the greatest ΔSTE of a pair in any case, or the weighted mean.
+    #[serde(rename = "all_cases", skip_serializing_if = "Option::is_none")]
+    all: Option<Combined>,
+}
+
+/// ΔSTE over all cases.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Combined {
+    combination: &'static str,
+    #[serde(flatten)]
+    found: DeltaSte,
+}
+
 /// ΔSTE in one case.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub(super) struct CaseFigures {
@@ -17,23 +35,57 @@ pub(super) struct CaseFigures {
     pinion_torque_nm: f64,
     /// Share of the wear's depth.
     wear: f64,
+    #[serde(flatten)]
+    found: DeltaSte,
+    /// Limit of P90.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    delta_ste_max_um: Option<f64>,
+}
+
+/// ΔSTE of a pair without random effects, and of random pairs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct DeltaSte {
     delta_ste_um: f64,
     /// P90 over the random pairs of the simulation, and its 95 % interval.
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_um: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     p90_interval_um: Option<[f64; 2]>,
-    /// Limit of P90.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    delta_ste_max_um: Option<f64>,
 }
 
-impl CaseFigures {
+impl DeltaSte {
+    /// `samples` are of random pairs; empty if none were simulated.
+    fn of(delta_ste_um: f64, samples: &[f64]) -> anyhow::Result<Self> {
+        let p90 = match samples.is_empty() {
+            true => None,
+            false => Some(stats::order_statistic(samples, 0.9, 0.95)?),
+        };
+        Ok(Self {
+            delta_ste_um,
+            p90_um: p90.map(|p90| p90.value),
+            p90_interval_um: p90.and_then(|p90| p90.interval.map(<[f64; 2]>::from)),
+        })
+    }
+
+    fn describe(&self) -> String {
+        let interval = self
+            .p90_interval_um
+            .map_or_else(String::new, |[low, high]| {
+                format!(" [{}; {}]", fixed(low, 4), fixed(high, 4))
+            });
+        let p90 = self.p90_um.map_or_else(String::new, |p90| {
+            format!(", P90 {}{interval}", fixed(p90, 4))
+        });
+        format!("ΔSTE {}{p90} µm", fixed(self.delta_ste_um, 4))
+    }
+}
+
+impl Cases {
     /// The cases of a file; none without `[[load.cases]]`. Random pairs have the random numbers of the simulation.
-    pub(super) fn of(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Vec<Self>> {
+    pub(super) fn of(pair: &Pair, file: &PairFile, request: Request) -> anyhow::Result<Self> {
         let load = &file.load;
         if load.cases.is_empty() {
-            return Ok(Vec::new());
+            return Ok(Self::default());
         }
         let loaded = LoadedCases::new(pair.clone(), load, &file.wear, file.scatter())?;
         let analyses = match request.wear {
@@ -47,34 +99,49 @@ impl CaseFigures {
                 .collect(),
             WearChoice::None | WearChoice::Archard => Vec::new(),
         };
-        let names = load.case_names();
-        let each = load.cases.iter().zip(names).zip(analyses).enumerate();
-        each.map(|(place, ((case, name), analysis))| {
+        let values: Vec<f64> = analyses.iter().map(|one| one.delta_ste_um).collect();
+        let each = load.cases.iter().zip(load.case_names()).enumerate();
+        let each = each.map(|(place, (case, name))| {
             let samples: Vec<f64> = drawn.iter().map(|sample| sample[place]).collect();
-            let p90 = match samples.is_empty() {
-                true => None,
-                false => Some(stats::order_statistic(&samples, 0.9, 0.95)?),
-            };
-            Ok(Self {
+            Ok(CaseFigures {
                 name,
                 pinion_torque_nm: load.torque_of(case),
                 wear: match request.wear {
                     WearChoice::None => 0.0,
                     WearChoice::Archard | WearChoice::Random => case.wear,
                 },
-                delta_ste_um: analysis.delta_ste_um,
-                p90_um: p90.map(|p90| p90.value),
-                p90_interval_um: p90.and_then(|p90| p90.interval.map(<[f64; 2]>::from)),
+                found: DeltaSte::of(values[place], &samples)?,
                 delta_ste_max_um: case.delta_ste_max_um,
             })
+        });
+        let combined: Vec<f64> = drawn.iter().map(|sample| load.combined(sample)).collect();
+        Ok(Self {
+            each: each.collect::<anyhow::Result<_>>()?,
+            all: Some(Combined {
+                combination: match load.weights() {
+                    Some(_) => "weighted mean",
+                    None => "greatest",
+                },
+                found: DeltaSte::of(load.combined(&values), &combined)?,
+            }),
         })
-        .collect()
     }
 
+    /// The cases and the measure over all of them, in words.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (String, String)> {
+        let all = self.all.iter().map(|all| {
+            let name = format!("all cases, {}", all.combination);
+            (name, all.found.describe())
+        });
+        self.each.iter().map(CaseFigures::row).chain(all)
+    }
+}
+
+impl CaseFigures {
     /// The constraint on the case's P90, if it has a limit and random pairs were simulated.
     pub(super) fn constraint(&self) -> Option<Constraint> {
         let name = format!("P90 of ΔSTE, case {}", self.name);
-        let (value, limit) = (self.p90_um?, self.delta_ste_max_um?);
+        let (value, limit) = (self.found.p90_um?, self.delta_ste_max_um?);
         Some(Constraint::new(name, "µm", value, Bound::AtMost, limit))
     }
 
@@ -85,20 +152,12 @@ impl CaseFigures {
             1.0 => "mean wear".to_owned(),
             share => format!("{share} of the mean wear"),
         };
-        let interval = self
-            .p90_interval_um
-            .map_or_else(String::new, |[low, high]| {
-                format!(" [{}; {}]", fixed(low, 4), fixed(high, 4))
-            });
-        let p90 = self.p90_um.map_or_else(String::new, |p90| {
-            format!(", P90 {}{interval}", fixed(p90, 4))
-        });
         (
             format!("case {}", self.name),
             format!(
-                "{} N·m, {wear}: ΔSTE {}{p90} µm",
+                "{} N·m, {wear}: {}",
                 self.pinion_torque_nm,
-                fixed(self.delta_ste_um, 4)
+                self.found.describe()
             ),
         )
     }

@@ -152,6 +152,41 @@ fn limits_of_load_cases_are_held_against_random_pairs() {
     assert!(!with.feasible && without.feasible);
 }
 
+/// With one case, the measure over all cases is that of the case; of two, it is at least that of each.
+#[test]
+fn the_measure_over_all_load_cases_stands_beside_that_of_each() {
+    let random = Request {
+        wear: WearChoice::Random,
+        ..UNWORN
+    };
+    let p90s = |cases: &str| {
+        let file = PairFile::parse("p.toml", &PAIR.replace("[material]", cases)).unwrap();
+        let json = to_json(&run(&file, random).unwrap()).unwrap();
+        let each = json["cases"].as_array().unwrap().iter();
+        let each: Vec<f64> = each.map(|one| one["p90_um"].as_f64().unwrap()).collect();
+        let all = json["all_cases"].clone();
+        (
+            each,
+            all["p90_um"].as_f64().unwrap(),
+            all["combination"].clone(),
+        )
+    };
+    let (each, all, _) = p90s("[[load.cases]]\nwear = 1.0\n[material]");
+    assert_eq!(each, [all]);
+    let two = "[[load.cases]]\nwear = 1.0\n[[load.cases]]\npinion_torque_nm = 150.0\n[material]";
+    let (each, all, how) = p90s(two);
+    assert_eq!(how, "greatest");
+    assert!(each.iter().all(|p90| all >= *p90), "{each:?} {all}");
+    let weighted = two
+        .replace("wear = 1.0", "wear = 1.0\nweight = 1.0")
+        .replace("150.0", "150.0\nweight = 3.0");
+    let (each, all, how) = p90s(&weighted);
+    assert_eq!(how, "weighted mean");
+    // Percentiles of a mean are about the mean of the percentiles.
+    let expected = 0.25 * each[0] + 0.75 * each[1];
+    assert!((all / expected - 1.0).abs() < 0.05, "{each:?} {all}");
+}
+
 #[test]
 fn every_limit_of_the_file_is_held_against_its_figure() {
     let figures = |simulation: &Simulation| simulation.figures.clone().unwrap();

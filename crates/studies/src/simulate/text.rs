@@ -5,7 +5,6 @@ use std::fmt::Write as _;
 use problem::formulation::Constraint;
 use results::{number::fixed, sheet};
 
-use super::cases::CaseFigures;
 use super::{Figures, Simulation, WearChoice};
 
 /// The simulation as text.
@@ -128,7 +127,7 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)>
             format!("mean {mean:.4}, SD {sd:.4}, P90 {p90:.4}{interval} µm"),
         );
     }
-    rows.extend(figures.cases.iter().map(CaseFigures::row));
+    rows.extend(figures.cases.rows());
     rows
 }
 

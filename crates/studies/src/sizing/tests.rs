@@ -124,3 +124,28 @@ fn sizes_are_ranked_by_what_verification_says() {
         assert!(found.all(|found| problem.is_feasible(&found.criteria)));
     }
 }
+
+#[test]
+fn doubts_about_verified_designs_stand_on_the_page_with_their_pairs() {
+    let page = |torque: &str| {
+        let text = Campaign::WEAR.replace("pinion_torque_nm = 200.0", torque);
+        let campaign = Campaign {
+            optimise: campaign().optimise,
+            verify: campaign().verify,
+            ..Campaign::parse("wear.toml", &text).unwrap()
+        };
+        let sizes = range("19..=21", 0.03).sizes("wear.toml", &campaign);
+        let ranked = run(sizes.unwrap(), 2).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        write_tables(folder.path(), &campaign, &ranked)
+            .unwrap()
+            .page
+    };
+    let slight = page("pinion_torque_nm = 0.2");
+    assert!(
+        slight.contains("> Warning, pair 1: the line load F_t/b is"),
+        "{slight}"
+    );
+    let sound = page("pinion_torque_nm = 200.0");
+    assert!(!sound.contains("F_t/b"), "{sound}");
+}

@@ -43,9 +43,13 @@ impl ForeignOutput {
     pub(super) fn note(&self) -> String {
         match self.lines {
             0 => String::new(),
-            1 => format!("; a line that is not an answer was skipped: {}", self.last),
+            1 => format!(
+                "; a line without the \"id\" of the request is not an answer and was skipped: {}",
+                self.last
+            ),
             lines => format!(
-                "; {lines} lines that are not answers were skipped, the last of them: {}",
+                "; {lines} lines without the \"id\" of the request are not answers and were skipped, the last of them: \
+                 {}",
                 self.last
             ),
         }

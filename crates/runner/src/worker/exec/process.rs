@@ -326,8 +326,8 @@ impl Process {
         if !std::mem::replace(&mut self.has_warned, true) {
             warn!(
                 line = self.skipped.last,
-                "a line of the simulator's standard output is not an answer and is skipped, as others \
-                 will be: write messages to standard error"
+                "a line of the simulator's standard output without the \"id\" of the request is not an answer and is \
+                 skipped, as others will be: write messages to standard error"
             );
         }
     }

@@ -14,6 +14,7 @@ mod ends;
 mod faults;
 mod other_output;
 mod through_files;
+mod trials;
 
 /// A simulator as a shell script, which answers each kind of request by a function.
 const PREAMBLE: &str = r#"

@@ -1,6 +1,6 @@
 //! A few calls of an external program, to learn what they cost.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use problem::formulation::Problem;
 use problem::simulator::{NoAnswer, Simulator, State};
@@ -14,28 +14,38 @@ use crate::worker::Error;
 /// Number of random designs tried.
 const DESIGNS: u64 = 4;
 
+/// Time after which a failed design ends the trial: the user waits, and the next one may take as long.
+const LONG: Duration = Duration::from_secs(5);
+
 /// The cost of a few calls of a program.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Trial {
     /// Designs tried.
     pub designs: u64,
     /// The reasons of those that the program refused.
     pub refused: Vec<String>,
+    /// The errors of those whose evaluation or sampling failed.
+    pub failed: Vec<String>,
+    /// Number of samples tried.
+    pub samples: usize,
+    /// Number of those that the program marked as failed by NaN.
+    pub failed_samples: usize,
     /// Median time of an evaluation, in seconds.
     pub evaluation_seconds: f64,
-    /// Median time of a sample, in seconds; NaN if every design was refused.
+    /// Median time of a sample, in seconds; NaN if no design was sampled.
     pub sample_seconds: f64,
 }
 
-/// Evaluates and samples a few random designs. Each is sampled twice, as a program may prepare a design first.
+/// Evaluates and samples a few random designs. Each is sampled twice, as a program may prepare a design first. As in a
+/// campaign, the next design is tried if one fails, unless that takes long.
 ///
 /// # Errors
 ///
-/// The program failed, gave numbers that cannot be samples, or cannot be run.
+/// The program failed for every design that it did not refuse, or cannot be run.
 pub fn trial(problem: &Problem, exec: &Exec) -> Result<Trial, Error> {
     let (ability, _) = watch::channel(Ability::default());
     let backend = Backend::choose(problem, Some(exec), ability)?;
-    let (tried, _) = backend.with(problem, |simulator| try_calls(problem, simulator));
+    let (tried, _) = backend.with(problem, |simulator| try_designs(problem, simulator));
     backend.stop();
     tried.map_err(|why| match why {
         NoAnswer::Machine(reason) => Error::Machine { reason },
@@ -43,40 +53,56 @@ pub fn trial(problem: &Problem, exec: &Exec) -> Result<Trial, Error> {
     })
 }
 
-fn try_calls(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, NoAnswer> {
-    let (mut refused, mut evaluations, mut samples) = (Vec::new(), Vec::new(), Vec::new());
+fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, NoAnswer> {
+    let (mut trial, mut evaluations, mut samples) = (Trial::default(), Vec::new(), Vec::new());
     for number in 0..DESIGNS {
+        trial.designs += 1;
+        let since = Instant::now();
         let mut rng = stream(problem.campaign().seed, Purpose::Test, number, 1);
         let unit: Vec<f64> = (0..problem.dimension()).map(|_| rng.random()).collect();
         let design = problem.design(&problem.free_point(&unit), problem.base());
-        let mut prepared = simulator.prepare(&design)?;
-        // The first call waits for the program to start.
-        let since = Instant::now();
-        let evaluated = prepared.analyse(State::Baseline);
-        let seconds = since.elapsed().as_secs_f64();
-        match evaluated {
-            Ok(_) => evaluations.push(seconds),
-            Err(NoAnswer::Refused(reason)) => {
-                refused.push(reason);
-                evaluations.push(seconds);
-                continue;
-            }
-            Err(why) => return Err(why),
-        }
-        for _ in 0..2 {
+        let mut try_design = || -> Result<(), NoAnswer> {
+            let mut prepared = simulator.prepare(&design)?;
+            // The first call waits for the program to start.
             let since = Instant::now();
-            let sample = problem.sample_of(prepared.sample(&mut rng)?);
-            samples.push(since.elapsed().as_secs_f64());
-            let checked = problem.check_sample(&sample);
-            checked.map_err(|(name, why)| NoAnswer::Failed(format!("{name} of a sample {why}")))?;
+            let evaluated = prepared.analyse(State::Baseline);
+            if let Ok(_) | Err(NoAnswer::Refused(_)) = evaluated {
+                evaluations.push(since.elapsed().as_secs_f64());
+            }
+            evaluated?;
+            for _ in 0..2 {
+                let since = Instant::now();
+                let sample = problem.sample_of(prepared.sample(&mut rng)?);
+                samples.push(since.elapsed().as_secs_f64());
+                let checked = problem.check_sample(&sample);
+                checked
+                    .map_err(|(name, why)| NoAnswer::Failed(format!("{name} of a sample {why}")))?;
+                trial.failed_samples += usize::from(problem.is_failed_sample(&sample));
+            }
+            Ok(())
+        };
+        match try_design() {
+            Ok(()) => {}
+            Err(NoAnswer::Refused(reason)) => trial.refused.push(reason),
+            Err(NoAnswer::Failed(reason)) => {
+                trial.failed.push(reason);
+                if since.elapsed() > LONG {
+                    break;
+                }
+            }
+            Err(machine @ NoAnswer::Machine(_)) => return Err(machine),
         }
     }
-    Ok(Trial {
-        designs: DESIGNS,
-        refused,
-        evaluation_seconds: median(evaluations),
-        sample_seconds: median(samples),
-    })
+    let answered = trial.designs as usize - trial.failed.len();
+    match trial.failed.first() {
+        Some(reason) if answered == trial.refused.len() => Err(NoAnswer::Failed(reason.clone())),
+        _ => Ok(Trial {
+            samples: samples.len(),
+            evaluation_seconds: median(evaluations),
+            sample_seconds: median(samples),
+            ..trial
+        }),
+    }
 }
 
 /// The median; NaN without numbers.

@@ -111,7 +111,8 @@ fn a_missing_answer_hints_at_flushing_and_names_what_was_skipped() {
             "echo hello; echo '{\"delta_ste_um\":1}'",
             &[
                 flush,
-                "2 lines that are not answers were skipped, the last of them: {\"delta_ste_um\":1}",
+                "2 lines without the \"id\" of the request are not answers and were skipped, the last of them: \
+                 {\"delta_ste_um\":1}",
             ],
         ),
         (
