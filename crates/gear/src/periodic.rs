@@ -5,6 +5,9 @@ use std::collections::VecDeque;
 use crate::corrections::Lead;
 use crate::path::Path;
 
+/// More than the relative error of a value between two phases.
+const INTERPOLATION: f64 = 0.02;
+
 /// A periodic function of the phase, given at some phases of the first period. Phases of later periods
 /// continue their numbering.
 pub(crate) struct PeriodicFunction<'a> {
@@ -70,15 +73,6 @@ impl Path {
                 start = start.max(window);
                 end = end.min(self.s_out - self.start);
             }
-            let [at_start, at_end] = match &mut at {
-                Some(at) => [at(start), at(end)],
-                None => [
-                    function.between(start, &mut before_start),
-                    function.between(end, &mut before_end),
-                ],
-            };
-            // Both ends of the line are at an end of the face.
-            let mut most = (at_start - lead.gap(0.0)).max(at_end - lead.gap(1.0));
             while function.phase(entered) < end {
                 let value = function.value(entered);
                 while inside
@@ -93,13 +87,28 @@ impl Path {
             while inside.front().is_some_and(|&k| function.phase(k) <= start) {
                 inside.pop_front();
             }
+            let mut most = f64::NEG_INFINITY;
             if !lead.is_even() {
                 for &k in &inside {
                     let z = (function.phase(k) - start) / window;
                     most = most.max(function.value(k) - lead.gap(z));
                 }
             } else if let Some(&k) = inside.front() {
-                most = most.max(function.value(k));
+                most = function.value(k);
+            }
+            // Both ends of the line are at an end of the face.
+            let ends = [
+                (start, &mut before_start, lead.gap(0.0)),
+                (end, &mut before_end, lead.gap(1.0)),
+            ];
+            for (phi, before, gap) in ends {
+                let value = function.between(phi, before);
+                // A value far below the greatest so far stays below it without the error of the interpolation.
+                let value = match &mut at {
+                    Some(at) if value + INTERPOLATION * value.abs() > most + gap => at(phi),
+                    _ => value,
+                };
+                most = most.max(value - gap);
             }
             greatest.push(most - least);
         }

@@ -212,20 +212,22 @@ impl ToothIntegrals {
             #[inline(always)]
             || {
                 let mut moments = Vec::with_capacity(y.len());
-                while let [first, ..] = y[moments.len()..] {
+                let mut rest = y;
+                while let [first, ..] = rest {
                     // Neighbouring loads mostly lie in the same panel.
-                    let several = y[moments.len()..].first_chunk::<LANES>();
-                    let several = several.filter(|heights| {
-                        heights[1..]
-                            .iter()
-                            .all(|y| self.panel(*y) == self.panel(first))
-                    });
-                    match (self.panel(first), several) {
-                        (Some(k), Some(heights)) => {
-                            moments.extend(self.panels[k].second_moments(*heights));
-                        }
-                        _ => moments.push(self.locate(first).second_moment()),
+                    let panel = self.panel(*first);
+                    let is_here = |y: &&f64| self.panel(**y) == panel;
+                    let count = rest.iter().take(LANES).take_while(is_here).count();
+                    let (here, after) = rest.split_at(count);
+                    if let Some(k) = panel {
+                        let mut heights = [*first; LANES];
+                        heights[..count].copy_from_slice(here);
+                        let found = self.panels[k].second_moments(heights);
+                        moments.extend_from_slice(&found[..count]);
+                    } else {
+                        moments.extend(here.iter().map(|y| self.locate(*y).second_moment()));
                     }
+                    rest = after;
                 }
                 moments
             },

@@ -227,17 +227,15 @@ impl Tooth {
         (crossing, tangent_length(radius(crossing), self.r_b))
     }
 
-    /// Point of the involute at the tangent length τ.
+    /// Point of the involute at the tangent length τ, where the tangent is inclined by α_F = τ/r_b − ψ_b.
     fn involute_point(&self, tau: f64) -> FlankPoint {
         let t = tau / self.r_b;
-        let secant = (1.0 + t * t).sqrt();
-        let psi = self.psi_b - inv_of_tangent(t);
-        let (sin, cos) = psi.sin_cos();
+        let (sin, cos) = (t - self.psi_b).sin_cos();
         FlankPoint {
-            x: self.r_b * secant * sin,
-            y: self.r_b * secant * cos,
-            sin_alpha_f: (t * cos - sin) / secant,
-            cos_alpha_f: (cos + t * sin) / secant,
+            x: self.r_b * (t * cos - sin),
+            y: self.r_b * (cos + t * sin),
+            sin_alpha_f: sin,
+            cos_alpha_f: cos,
         }
     }
 

@@ -39,16 +39,14 @@ impl Spring {
     fn new(path: &Path, beams: &[f64], hertz: f64, share: f64, s: f64) -> Self {
         let middle = path.place(s);
         let (c0, c1) = (beams[middle.cell], beams[middle.cell + 1]);
-        // A load below the roots of both teeth bends neither of them.
-        let beam = if c0.max(c1).is_infinite() {
-            f64::INFINITY
+        let beam = c0 + middle.u * (c1 - c0);
+        // 1/(1/beam + hertz/share), with one division. A load below the roots of both teeth bends neither of them.
+        let stiffness = if c0.max(c1).is_infinite() {
+            share / hertz
         } else {
-            c0 + middle.u * (c1 - c0)
+            beam * share / (share + hertz * beam)
         };
-        Self {
-            middle,
-            stiffness: 1.0 / (1.0 / beam + hertz / share),
-        }
+        Self { middle, stiffness }
     }
 
     /// The pair of teeth whose line covers this part of the path.
