@@ -16,11 +16,11 @@ use sha2::{Digest as _, Sha256};
 pub const REACH: f64 = 1.0;
 
 /// Evaluations in the search for one infill point of a gear campaign, fewer than usual because each of them analyses a
-/// pair.
-pub const SEARCH_EVALUATIONS: usize = 400;
+/// pair. More of them do not lead to better pairs, either (`docs/enrichment.md`).
+pub const SEARCH_EVALUATIONS: usize = 200;
 
 /// Starts of each fit in a gear campaign, fewer than usual because the fits take a third of a round's time. More of them
-/// do not lead to better pairs (`docs/enrichment.md`).
+/// do not lead to better pairs.
 pub const FIT_STARTS: usize = 2;
 
 /// [`InfillRow::reason`](store::InfillRow::reason) of more samples at a sampled design.

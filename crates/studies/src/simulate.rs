@@ -6,6 +6,7 @@ use problem::PairFile;
 use problem::formulation::Constraint;
 use problem::formulation::gears::{self, GearCriteria};
 use results::doubts::pair::{self as doubts, Loaded};
+use results::number::significant;
 use results::sheet::{self, Section};
 use serde::Serialize;
 use stats::streams::{Purpose, stream};
@@ -19,6 +20,9 @@ use cases::{CaseFigures, Cases};
 pub use exchange::{Imported, import};
 pub use page::{Subject, write_page};
 pub use text::describe;
+
+/// Relative difference between two grids above which a figure is doubted.
+const GRID_ERROR: f64 = 0.1;
 
 /// The version of the JSON object.
 const SCHEMA_VERSION: u32 = 3;
@@ -99,6 +103,9 @@ pub struct Figures {
     delta_ste_um: f64,
     /// The error of the tooth model in ΔSTE, in words.
     model_error: &'static str,
+    /// The same pair on a finer grid; absent if its contact cannot be resolved there.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    finer_grid: Option<FinerGrid>,
     #[serde(skip_serializing_if = "Option::is_none")]
     manufacture: Option<Scatter>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -115,6 +122,52 @@ pub struct Figures {
     /// The pair in each of the file's load cases.
     #[serde(flatten)]
     cases: Cases,
+}
+
+/// Figures of a pair on a grid with twice as many cells and phases.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct FinerGrid {
+    delta_ste_um: f64,
+    hertz_pressure_mpa: f64,
+}
+
+impl FinerGrid {
+    fn of(file: &PairFile, wear: WearChoice) -> Option<Self> {
+        let pair = pair(file, 2).ok()?;
+        let analysis = worn(&pair, file, wear).unwrap_or_else(|| pair.unworn());
+        Some(Self {
+            delta_ste_um: analysis.delta_ste_um,
+            hertz_pressure_mpa: analysis.hertz_pressure_mpa,
+        })
+    }
+
+    /// Warnings about figures that depend on the grid, from those of the usual grid.
+    fn doubts(&self, delta_ste_um: f64, hertz_pressure_mpa: f64) -> Vec<String> {
+        let of = |(name, unit, coarse, fine): (&str, &str, f64, f64)| {
+            let difference = (coarse / fine - 1.0).abs();
+            (difference > GRID_ERROR).then(|| {
+                format!(
+                    "{name} is {} {unit}, and {} {unit} on a grid twice as fine: its error by the grid is of the order of \
+                     {:.0} %",
+                    significant(coarse, 3),
+                    significant(fine, 3),
+                    100.0 * difference
+                )
+            })
+        };
+        [
+            ("ΔSTE", "µm", delta_ste_um, self.delta_ste_um),
+            (
+                "the contact pressure",
+                "MPa",
+                hertz_pressure_mpa,
+                self.hertz_pressure_mpa,
+            ),
+        ]
+        .into_iter()
+        .filter_map(of)
+        .collect()
+    }
 }
 
 /// The scatter of slopes, of the shafts' misalignment and of the tip relief in the samples. Each deviation is normal, and its tolerance ±
@@ -227,7 +280,7 @@ struct Curve {
 ///
 /// An input that the simulator does not accept, or a percentile of too few samples.
 pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
-    let pair = match pair(file) {
+    let pair = match pair(file, 1) {
         Ok(pair) => pair,
         Err(gear::Error::Infeasible(infeasible)) => {
             return Ok(Simulation {
@@ -243,15 +296,14 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
         }
         Err(error) => return Err(error.into()),
     };
-    let worn = match request.wear {
-        WearChoice::None => None,
-        WearChoice::Archard | WearChoice::Random => Some(pair.archard(&file.wear).analysis),
-    };
-    let unworn = pair.unworn();
+    let (unworn, worn) = (pair.unworn(), worn(&pair, file, request.wear));
     let mut warnings = file.warnings();
     let loaded = Loaded::new(&unworn, worn.as_ref());
     warnings.extend(doubts::of(&pair, &loaded, file.allowances.as_ref()));
     let figures = figures(&pair, file, request, unworn, worn)?;
+    if let Some(finer) = &figures.finer_grid {
+        warnings.extend(finer.doubts(figures.delta_ste_um, figures.hertz_pressure_mpa));
+    }
     let has_limits = file
         .load
         .cases
@@ -285,13 +337,22 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
     })
 }
 
-/// The pair of a file, with its corrections.
-fn pair(file: &PairFile) -> Result<Pair, gear::Error> {
-    Pair::with_corrections(
-        &file.to_gear(),
-        &file.corrections(),
-        &Discretisation::of(file.pair.tooth_model),
-    )
+/// The pair of a file, with its corrections, on a grid that is `refinement` times as fine as usual.
+fn pair(file: &PairFile, refinement: usize) -> Result<Pair, gear::Error> {
+    let usual = Discretisation::of(file.pair.tooth_model);
+    let grid = Discretisation {
+        cells: refinement * usual.cells,
+        phases: refinement * usual.phases,
+    };
+    Pair::with_corrections(&file.to_gear(), &file.corrections(), &grid)
+}
+
+/// The analysis with the mean wear, if there is any.
+fn worn(pair: &Pair, file: &PairFile, wear: WearChoice) -> Option<Analysis> {
+    match wear {
+        WearChoice::None => None,
+        WearChoice::Archard | WearChoice::Random => Some(pair.archard(&file.wear).analysis),
+    }
 }
 
 /// All results of the simulator for a pair with the requested wear, from its analyses.
@@ -374,6 +435,7 @@ fn figures(
         },
         delta_ste_um: analysis.delta_ste_um,
         model_error: gear::model_error(file.pair.tooth_model),
+        finer_grid: FinerGrid::of(file, request.wear),
         manufacture: Scatter::of(file, geometry).filter(|_| samples.is_some()),
         samples_um: samples,
         mean_um: moments.map(|(mean, _)| mean),

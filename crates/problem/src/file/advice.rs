@@ -19,6 +19,10 @@ const DEEPEST_WEAR_UM: f64 = 1000.0;
 const MOST_VARIANCE: f64 = 0.18;
 /// Amount of a correction in µm below which it cannot be made.
 const LEAST_CORRECTION_UM: f64 = 0.5;
+/// Modules in mm of gears, from watch wheels to mills.
+const MODULES_MM: [f64; 2] = [0.05, 100.0];
+/// Line load F_t/b in N/mm below which the torque was probably given in another unit.
+const LEAST_LINE_LOAD: f64 = 1.0;
 /// Share of the wear's depth above which a load case was probably given in percent.
 const MOST_WEAR_SHARE: f64 = 10.0;
 /// Usual profile shifts in modules, those that the paper allows.
@@ -125,9 +129,9 @@ fn of_sections(material: &Materials, wear: &Wear, face_width_mm: f64) -> Vec<Str
     warnings
 }
 
-/// Warnings about torques that no tooth carries, and about shares of the wear that are percentages. A torque is too large if its tangential force over face width and module is above the
-/// material's σ_Hlim in MPa: the root stress by ISO 6336-3 is about three times that force. Pressure angle in
-/// degrees, face width in mm.
+/// Warnings about a module, torques and shares of the wear that were probably given in another unit. A torque is too
+/// large if its tangential force over face width and module is above the material's σ_Hlim in MPa: the root stress by
+/// ISO 6336-3 is about three times that force. Pressure angle in degrees, face width in mm.
 fn of_torques(
     load: &Load,
     size: Size,
@@ -151,7 +155,29 @@ fn of_torques(
     let Some(module) = module.ok().filter(|_| is_usual) else {
         return warnings;
     };
+    let [least, most] = MODULES_MM;
+    if module < least || module > most {
+        let (key, given) = match size {
+            Size::NormalModule(given)
+            | Size::Both {
+                normal_module: given,
+                ..
+            } => ("pair.normal_module_mm", given),
+            Size::CentreDistance(given) => ("pair.centre_distance_mm", given),
+        };
+        warnings.push(format!(
+            "{key} is {given} mm, for a module of about {module:.2e} mm: modules are usually from {least} to {most} mm"
+        ));
+        return warnings;
+    }
     let of_load = ("load.pinion_torque_nm".to_owned(), load.pinion_torque_nm);
+    let line_load = 2e3 * of_load.1 / (module * f64::from(teeth[0]) * face_width_mm);
+    if line_load < LEAST_LINE_LOAD {
+        warnings.push(format!(
+            "{} is {} N·m: its line load F_t/b is {line_load:.2e} N/mm, below {LEAST_LINE_LOAD}: is the torque in N·m?",
+            of_load.0, of_load.1
+        ));
+    }
     let of_cases = named().filter_map(|(case, name)| {
         let key = format!("pinion_torque_nm of the load case {name:?}");
         Some((key, case.pinion_torque_nm?))
@@ -452,6 +478,16 @@ mod tests {
                 "face_width_mm = 10.0",
                 "face_width_mm = 10000.0",
                 "from 0.5 to 1000 mm",
+            ),
+            (
+                "centre_distance_mm = 110.0",
+                "centre_distance_mm = 0.11",
+                "pair.centre_distance_mm is 0.11 mm, for a module of about 5.24e-3 mm",
+            ),
+            (
+                "pinion_torque_nm = 200.0",
+                "pinion_torque_nm = 0.2",
+                "load.pinion_torque_nm is 0.2 N·m: its line load F_t/b is 3.82e-1 N/mm",
             ),
             (
                 "pinion_torque_nm = 200.0",

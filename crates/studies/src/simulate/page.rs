@@ -43,7 +43,7 @@ pub fn write_page(
     let Some(figures) = &simulation.figures else {
         return Ok(None);
     };
-    let pair = super::pair(subject.file)?;
+    let pair = super::pair(subject.file, 1)?;
     let curves = Curves::of(&pair, subject);
     let page = page(subject, simulation, figures, &pair, &curves);
     for (name, chart) in [

@@ -187,6 +187,24 @@ fn the_measure_over_all_load_cases_stands_beside_that_of_each() {
     assert!((all / expected - 1.0).abs() < 0.05, "{each:?} {all}");
 }
 
+/// A pair whose error by the grid is small has no warning; two figures that differ by a fifth have.
+#[test]
+fn the_grid_is_judged_by_one_twice_as_fine() {
+    let simulation = simulated(PAIR);
+    let figures = simulation.figures.clone().unwrap();
+    let finer = figures.finer_grid.unwrap();
+    let share = |coarse: f64, fine: f64| (coarse / fine - 1.0).abs();
+    let of_delta = share(figures.delta_ste_um, finer.delta_ste_um);
+    assert!(of_delta > 0.0 && of_delta < 0.05, "{of_delta}");
+    assert!(share(figures.hertz_pressure_mpa, finer.hertz_pressure_mpa) < 0.05);
+    let is_of_grid = |one: &String| one.contains("on a grid twice as fine");
+    assert!(!simulation.warnings.iter().any(is_of_grid));
+    assert!(describe(&simulation).contains("on a grid twice as fine     ΔSTE"));
+    let doubts = finer.doubts(1.2 * finer.delta_ste_um, finer.hertz_pressure_mpa);
+    assert_eq!(doubts.len(), 1, "{doubts:?}");
+    assert!(doubts[0].starts_with("ΔSTE is ") && doubts[0].ends_with("of the order of 20 %"));
+}
+
 #[test]
 fn every_limit_of_the_file_is_held_against_its_figure() {
     let figures = |simulation: &Simulation| simulation.figures.clone().unwrap();

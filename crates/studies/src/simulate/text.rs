@@ -83,6 +83,15 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)>
         format!("{application}, {dynamic}, {face}, {transverse}"),
     );
     line(delta_ste, format!("{:.4} µm", figures.delta_ste_um));
+    if let Some(finer) = &figures.finer_grid {
+        line(
+            "on a grid twice as fine",
+            format!(
+                "ΔSTE {:.4} µm, contact pressure {:.1} MPa",
+                finer.delta_ste_um, finer.hertz_pressure_mpa
+            ),
+        );
+    }
     line("the model's own error", figures.model_error.to_owned());
     if let Some(scatter) = &figures.manufacture {
         if let (Some(class), Some([pinion, mate])) =

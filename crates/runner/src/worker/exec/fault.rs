@@ -42,15 +42,20 @@ impl Fault {
         }
     }
 
-    /// Returns the fault of a shell that could not run the command. The first line of `text` says how the shell
-    /// ended; the last line is the last one of the shell's standard error.
-    pub(super) fn not_run(text: String) -> Self {
-        let status = text.lines().next().unwrap_or_default();
+    /// Returns the fault of a shell that ended with 126, because it may not run the command, or with 127, because it
+    /// did not find it. The first line of `text` says how the shell ended; the last line is the last one of the
+    /// shell's standard error.
+    pub(super) fn not_run(status: i32, text: String) -> Self {
+        let remedy = match status {
+            126 => {
+                "make the program executable (chmod +x), or name its interpreter, as in \"python3 model.py\""
+            }
+            _ => "install the program on this machine, or correct --exec or simulator.command",
+        };
+        let ended = text.lines().next().unwrap_or_default();
         let said = text.lines().last().unwrap_or_default();
         Self::NotRun {
-            of_machine: format!(
-                "{status}: {said}; install the program on this machine, or correct --exec"
-            ),
+            of_machine: format!("{ended}: {said}; {remedy}"),
             text,
         }
     }

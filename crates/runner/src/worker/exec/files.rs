@@ -246,7 +246,8 @@ impl Files {
             status => {
                 let text = process.obituary(&format!("ended with status {status}"), &asked);
                 Err(match status {
-                    "126" | "127" => Fault::not_run(text),
+                    "126" => Fault::not_run(126, text),
+                    "127" => Fault::not_run(127, text),
                     _ => Fault::Program(text),
                 })
             }

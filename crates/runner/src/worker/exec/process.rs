@@ -206,7 +206,7 @@ impl Process {
                 _ if is_machine => {
                     Fault::Machine(text.lines().next().unwrap_or_default().to_owned())
                 }
-                Some(126 | 127) => Fault::not_run(text),
+                Some(status @ (126 | 127)) => Fault::not_run(status, text),
                 Some(0) if self.has_answered && self.pending.is_empty() => Fault::Left(text),
                 _ => Fault::Program(text),
             }

@@ -340,21 +340,38 @@ fn a_flood_of_standard_error_blocks_nothing_and_its_end_is_kept() {
 
 #[test]
 fn a_command_that_is_none_says_what_the_shell_said() {
-    let backend = backend_of("/no/such/simulator".to_owned(), Duration::from_secs(5));
-    let error = backend.model_digest(&problem(), 2).unwrap_err();
-    assert_eq!(error.exit_code(), crate::exit::FILE_ACCESS);
-    let error = error.to_string();
-    assert!(
-        error.contains("/no/such/simulator: not found") || error.contains("No such file"),
-        "{error}"
-    );
-    assert!(error.contains("exit status: 127"), "{error}");
-    let remedy = "; install the program on this machine, or correct --exec";
-    assert!(
-        error.starts_with("this machine cannot run the simulator: ") && error.ends_with(remedy),
-        "{error}"
-    );
-    assert_eq!(error.lines().count(), 1, "{error}");
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("model.py");
+    std::fs::write(&script, "print(1)\n").unwrap();
+    for (command, status, said, remedy) in [
+        (
+            "/no/such/simulator",
+            127,
+            "not found",
+            "; install the program on this machine, or correct --exec or simulator.command",
+        ),
+        (
+            script.to_str().unwrap(),
+            126,
+            "Permission denied",
+            "(chmod +x), or name its interpreter, as in \"python3 model.py\"",
+        ),
+    ] {
+        let backend = backend_of(command.to_owned(), Duration::from_secs(5));
+        let error = backend.model_digest(&problem(), 2).unwrap_err();
+        assert_eq!(error.exit_code(), crate::exit::FILE_ACCESS);
+        let error = error.to_string();
+        assert!(error.contains(&format!("exit status: {status}")), "{error}");
+        assert!(
+            error.starts_with("this machine cannot run the simulator: ") && error.ends_with(remedy),
+            "{error}"
+        );
+        assert!(
+            error.contains(said) || error.contains("No such file"),
+            "{error}"
+        );
+        assert_eq!(error.lines().count(), 1, "{error}");
+    }
 }
 
 #[test]

@@ -250,7 +250,8 @@ fn a_command_that_is_missing_is_the_fault_of_the_machine_until_it_has_answered()
         "{error}"
     );
     assert!(
-        error.contains("/no/such/solver") && error.ends_with("or correct --exec"),
+        error.contains("/no/such/solver")
+            && error.ends_with("or correct --exec or simulator.command"),
         "{error}"
     );
 
