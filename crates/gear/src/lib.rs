@@ -136,6 +136,7 @@ mod periodic;
 mod plain;
 mod quadrature;
 pub mod rating;
+mod root;
 mod root_stress;
 mod sampler;
 mod slices;

@@ -8,6 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::input::{Member, PairInput};
 use crate::involute::{inv_of_tangent, tangent_length};
+use crate::root::root;
 
 /// The trochoid of one gear.
 #[derive(Debug, Clone, Copy)]
@@ -66,28 +67,16 @@ impl Trochoid {
             let [x, y] = self.point(gamma);
             x.hypot(y)
         };
-        let halve = |mut low: f64, mut high: f64, is_below: &dyn Fn(f64) -> bool| {
-            // Each step gains a bit of the 53 that γ has.
-            for _ in 0..60 {
-                let middle = 0.5 * (low + high);
-                if is_below(middle) {
-                    low = middle;
-                } else {
-                    high = middle;
-                }
-            }
-            0.5 * (low + high)
-        };
         if radius(0.0) >= r_b || radius(self.gamma_end) <= r_b {
             return (self.gamma_end, 0.0);
         }
-        let base = halve(0.0, self.gamma_end, &|gamma| radius(gamma) < r_b);
-        let is_inside = |gamma: f64| {
+        let base = root(0.0, self.gamma_end, |gamma| radius(gamma) - r_b);
+        let excess = |gamma: f64| {
             let [x, y] = self.point(gamma);
             let tau = tangent_length(x.hypot(y), r_b);
-            x.atan2(y) < psi_b - inv_of_tangent(tau / r_b)
+            x.atan2(y) - (psi_b - inv_of_tangent(tau / r_b))
         };
-        let crossing = halve(base, self.gamma_end, &is_inside);
+        let crossing = root(base, self.gamma_end, excess);
         (crossing, tangent_length(radius(crossing), r_b))
     }
 }

@@ -166,7 +166,7 @@ fn of_torques(
             Size::CentreDistance(given) => ("pair.centre_distance_mm", given),
         };
         warnings.push(format!(
-            "{key} is {given} mm, for a module of about {module:.2e} mm: modules are usually from {least} to {most} mm"
+            "{key} is {given} mm, for a module of about {module:.4} mm: modules are usually from {least} to {most} mm"
         ));
         return warnings;
     }
@@ -174,7 +174,7 @@ fn of_torques(
     let line_load = 2e3 * of_load.1 / (module * f64::from(teeth[0]) * face_width_mm);
     if line_load < LEAST_LINE_LOAD {
         warnings.push(format!(
-            "{} is {} N·m: its line load F_t/b is {line_load:.2e} N/mm, below {LEAST_LINE_LOAD}: is the torque in N·m?",
+            "{} is {} N·m: its line load F_t/b is {line_load:.3} N/mm, below {LEAST_LINE_LOAD}: is the torque in N·m?",
             of_load.0, of_load.1
         ));
     }
@@ -480,14 +480,9 @@ mod tests {
                 "from 0.5 to 1000 mm",
             ),
             (
-                "centre_distance_mm = 110.0",
-                "centre_distance_mm = 0.11",
-                "pair.centre_distance_mm is 0.11 mm, for a module of about 5.24e-3 mm",
-            ),
-            (
                 "pinion_torque_nm = 200.0",
                 "pinion_torque_nm = 0.2",
-                "load.pinion_torque_nm is 0.2 N·m: its line load F_t/b is 3.82e-1 N/mm",
+                "load.pinion_torque_nm is 0.2 N·m: its line load F_t/b is 0.382 N/mm",
             ),
             (
                 "pinion_torque_nm = 200.0",
@@ -544,6 +539,18 @@ mod tests {
             assert_eq!(warnings.len(), 1, "{to}: {warnings:?}");
             assert!(warnings[0].contains(part), "{to}: {warnings:?}");
         }
+    }
+
+    /// The frozen radii are then outside their bounds, too.
+    #[test]
+    fn a_centre_distance_in_metres_is_not_taken_for_a_torque_in_another_unit() {
+        let warnings = warnings("centre_distance_mm = 110.0", "centre_distance_mm = 0.11");
+        let module = "pair.centre_distance_mm is 0.11 mm, for a module of about 0.0052 mm";
+        assert!(warnings[0].starts_with(module), "{warnings:?}");
+        assert!(
+            !warnings.iter().any(|one| one.contains("torque")),
+            "{warnings:?}"
+        );
     }
 
     #[test]

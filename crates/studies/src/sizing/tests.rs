@@ -143,7 +143,7 @@ fn doubts_about_verified_designs_stand_on_the_page_with_their_pairs() {
     };
     let slight = page("pinion_torque_nm = 0.2");
     assert!(
-        slight.contains("> Warning, pairs 1, 2: load.pinion_torque_nm is 0.2 N·m: its line load"),
+        slight.contains("> Warning, pair 1: load.pinion_torque_nm is 0.2 N·m: its line load"),
         "{slight}"
     );
     let sound = page("pinion_torque_nm = 200.0");

@@ -127,7 +127,11 @@ const COUNTS: [usize; 3] = [100, 300, 1000];
 /// responses, with σ = ½ and σ = √ln 2: φ(z)/0.1 with z = 1.281552 for the normal tail, 1 + ln 10 for the exponential
 /// one, and exp(σ²/2) Φ(σ − z)/0.1 for the log-normal ones.
 const MEASURES: [(&str, Measure, [f64; 4]); 5] = [
-    ("mean", Measure::Mean, [0.0, 1.0, 1.133_148, 1.414_214]),
+    (
+        "mean",
+        Measure::Mean,
+        [0.0, 1.0, 1.133_148, std::f64::consts::SQRT_2],
+    ),
     (
         "mean + 2 sd",
         Measure::MeanPlusSd { k: 2.0 },

@@ -9,7 +9,7 @@ use super::*;
 fn relieved() -> Pair {
     let relief = "[corrections]\ntip_relief_um = [8.0, 0.0]\ntip_relief_length_mm = [2.0, 2.0]\n";
     let text = format!("{PAIR}{relief}").replace("helix_angle_deg = 0.0", "helix_angle_deg = 20.0");
-    pair(&PairFile::parse("p.toml", &text).unwrap()).unwrap()
+    pair(&PairFile::parse("p.toml", &text).unwrap(), 1).unwrap()
 }
 
 /// The points of a drawing's vertices.
