@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 
 use crate::number;
 
+mod conditions;
 mod mesh;
 mod unloaded;
 

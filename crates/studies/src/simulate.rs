@@ -141,11 +141,12 @@ impl FinerGrid {
         })
     }
 
-    /// Warnings about figures that depend on the grid, from those of the usual grid.
+    /// Warnings about figures that depend on the grid, from those of the usual grid. A difference that no gear feels is
+    /// none.
     fn doubts(&self, delta_ste_um: f64, hertz_pressure_mpa: f64) -> Vec<String> {
-        let of = |(name, unit, coarse, fine): (&str, &str, f64, f64)| {
+        let of = |(name, unit, least, coarse, fine): (&str, &str, f64, f64, f64)| {
             let difference = (coarse / fine - 1.0).abs();
-            (difference > GRID_ERROR).then(|| {
+            (difference > GRID_ERROR && (coarse - fine).abs() > least).then(|| {
                 format!(
                     "{name} is {} {unit}, and {} {unit} on a grid twice as fine: its error by the grid is of the order of \
                      {:.0} %",
@@ -156,10 +157,11 @@ impl FinerGrid {
             })
         };
         [
-            ("ΔSTE", "µm", delta_ste_um, self.delta_ste_um),
+            ("ΔSTE", "µm", 0.01, delta_ste_um, self.delta_ste_um),
             (
                 "the contact pressure",
                 "MPa",
+                1.0,
                 hertz_pressure_mpa,
                 self.hertz_pressure_mpa,
             ),
