@@ -8,7 +8,7 @@ pub enum Error {
     NoVariables,
     /// A pair of bounds does not span an interval.
     #[error(
-        "bounds of variable {index} are [{lower}, {upper}]: they must be finite, lower < upper"
+        "bounds of variable {index} (counted from 0) are [{lower}, {upper}]: they must be finite, lower < upper"
     )]
     Bounds {
         /// Index of the variable, from 0.
@@ -27,7 +27,9 @@ pub enum Error {
         got: usize,
     },
     /// The start point is not in the box.
-    #[error("start point is {value} in variable {index}, outside [{lower}, {upper}]")]
+    #[error(
+        "start point is {value} in variable {index} (counted from 0), outside [{lower}, {upper}]"
+    )]
     StartOutside {
         /// Index of the variable, from 0.
         index: usize,
