@@ -28,9 +28,9 @@ pub(super) const ENTRIES: [Entry; 4] = [
         title: "The interval of a mean, of a mean plus standard deviations, and of a tail's mean",
         input: "Normal, exponential and log-normal samples with a coefficient of variation of 0.53 and of 1; 100, 300 and \
                 1000 of them; 2000 times each",
-        instead: "Student's t of the scores would miss too often on the side of the tail. Hall's transformation takes out their \
-                  skewness. That of the log-normal samples with a coefficient of variation of 1 is too large for few samples: \
-                  the intervals of means plus standard deviations and of tails cover less.",
+        instead: "Student's t of the scores would miss too often on the side of the tail. Hall's transformation takes out \
+                  most of their skewness. The intervals of means plus standard deviations cover least, 90 % with 100 \
+                  log-normal samples with a coefficient of variation of 1.",
         check: measures,
         ..Entry::blank(Method::Statistics)
     },
@@ -120,9 +120,6 @@ fn coverage(outcome: &mut Outcome) -> Result<(), EntryError> {
     Ok(())
 }
 
-/// Numbers of samples whose measures are checked.
-const COUNTS: [usize; 3] = [100, 300, 1000];
-
 /// Measures that are means of scores, with their values for a standard normal, an exponential and two log-normal
 /// responses, with σ = ½ and σ = √ln 2: φ(z)/0.1 with z = 1.281552 for the normal tail, 1 + ln 10 for the exponential
 /// one, and exp(σ²/2) Φ(σ − z)/0.1 for the log-normal ones.
@@ -171,7 +168,7 @@ fn measures(outcome: &mut Outcome) -> Result<(), EntryError> {
         let mut curves = Vec::new();
         for (law, (law_name, truth)) in laws.into_iter().zip(truths).enumerate() {
             let mut curve = Vec::new();
-            for n in COUNTS {
+            for n in [100, 300, 1000] {
                 let mut inside = 0;
                 for repeat in 0..TIMES {
                     let mut rng = stream(25 + law as u64, Purpose::Test, n as u64, repeat);
@@ -192,19 +189,15 @@ fn measures(outcome: &mut Outcome) -> Result<(), EntryError> {
             }
             curves.push((law_name, curve));
         }
-        let shares: Vec<Vec<f64>> = curves
-            .iter()
-            .map(|(_, curve)| curve.iter().map(|point| point[1]).collect())
-            .collect();
-        let least = |shares: &[Vec<f64>]| shares.iter().flatten().copied().fold(100.0, f64::min);
-        let (heavy, usual) = shares.split_last().ok_or("no response")?;
-        outcome.at_least(&format!("least coverage: {name}"), least(usual), "%", 91.0);
-        for (n, share) in COUNTS.iter().zip(heavy) {
-            let label = format!("coverage with {n} log-normal samples of CV 1: {name}");
-            outcome.figure(&label, *share, "%");
-        }
-        let most = shares.iter().flatten().copied().fold(0.0, f64::max);
-        outcome.at_most(&format!("greatest coverage: {name}"), most, "%", 97.5);
+        let all = || {
+            curves
+                .iter()
+                .flat_map(|(_, curve)| curve.iter().map(|point| point[1]))
+        };
+        let least = format!("least coverage: {name}");
+        outcome.at_least(&least, all().fold(100.0, f64::min), "%", 89.0);
+        let most = format!("greatest coverage: {name}");
+        outcome.at_most(&most, all().fold(0.0, f64::max), "%", 97.5);
         outcome.chart(
             &format!("Coverage of the 95 % interval: {name}"),
             ("samples", Scale::Log),
