@@ -136,6 +136,15 @@ fn the_example_runs_from_the_doe_to_the_report() {
     let said = printed(&check);
     assert!(said.contains("The program is called at most "), "{said}");
     assert!(said.contains("That is about "), "{said}");
+    let failing = before_samples("design[\"x_p\"] > 0.5", "raise ValueError(\"no licence\")");
+    let failing = changed_program(&sandbox, "failing.py", &failing);
+    let check = sandbox.coordinator(&["check", &file, "--exec", &failing]);
+    assert_code(&check, 0);
+    let said = printed(&check);
+    assert!(
+        said.contains(" of 4 random designs, which a campaign would try"),
+        "{said}"
+    );
     let without = sandbox.coordinator(&["run", &file, "--db", "none.db"]);
     assert_code(&without, 2);
     assert!(

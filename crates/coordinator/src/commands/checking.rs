@@ -274,9 +274,10 @@ fn trial_warnings(trial: &Trial) -> Vec<String> {
     });
     let failed = trial.failed.first().map(|first| {
         format!(
-            "the program failed for {} of {designs} random designs, where a campaign would try each again and then go \
-             on without it; the first error: {first}",
-            trial.failed.len()
+            "the program failed for {} of {designs} random designs, which a campaign would try simulator.attempts times \
+             each; the first error: {}",
+            trial.failed.len(),
+            first.lines().next().unwrap_or_default()
         )
     });
     let samples = (trial.failed_samples > 0).then(|| {

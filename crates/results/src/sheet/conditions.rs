@@ -28,17 +28,17 @@ pub(super) fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
         ),
         newtons(
             "tangential_force_n",
-            "tangential force at the reference circle",
+            "tangential force at d",
             "F_t",
             pair.input().pinion_torque / g.r[0],
         ),
         newtons(
             "working_tangential_force_n",
-            "tangential force at the working pitch circle",
+            "tangential force at d_w",
             "F_wt",
             tangential,
         ),
-        newtons("radial_force_n", "radial force there", "F_r", radial),
+        newtons("radial_force_n", "radial force at d_w", "F_r", radial),
         newtons("axial_force_n", "axial force", "F_a", axial),
         Row::texts(
             "material",

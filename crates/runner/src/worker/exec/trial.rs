@@ -94,15 +94,19 @@ fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, No
         }
     }
     let answered = trial.designs as usize - trial.failed.len();
-    match trial.failed.first() {
-        Some(reason) if answered == trial.refused.len() => Err(NoAnswer::Failed(reason.clone())),
-        _ => Ok(Trial {
-            samples: samples.len(),
-            evaluation_seconds: median(evaluations),
-            sample_seconds: median(samples),
-            ..trial
-        }),
+    if !trial.failed.is_empty() && answered == trial.refused.len() {
+        // The first design may have failed for a reason of its own.
+        let mut reasons = trial.failed;
+        reasons.dedup_by(|next, one| next.lines().next() == one.lines().next());
+        reasons.truncate(2);
+        return Err(NoAnswer::Failed(reasons.join("\nand for another design: ")));
     }
+    Ok(Trial {
+        samples: samples.len(),
+        evaluation_seconds: median(evaluations),
+        sample_seconds: median(samples),
+        ..trial
+    })
 }
 
 /// The median; NaN without numbers.
