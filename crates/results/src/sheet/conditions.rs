@@ -28,17 +28,22 @@ pub(super) fn conditions(file: &PairFile, pair: &UnloadedPair) -> Section {
         ),
         newtons(
             "tangential_force_n",
-            "tangential force at d",
+            "tangential force, reference circle",
             "F_t",
             pair.input().pinion_torque / g.r[0],
         ),
         newtons(
             "working_tangential_force_n",
-            "tangential force at d_w",
+            "tangential force, working circle",
             "F_wt",
             tangential,
         ),
-        newtons("radial_force_n", "radial force at d_w", "F_r", radial),
+        newtons(
+            "radial_force_n",
+            "radial force, working circle",
+            "F_r",
+            radial,
+        ),
         newtons("axial_force_n", "axial force", "F_a", axial),
         Row::texts(
             "material",
