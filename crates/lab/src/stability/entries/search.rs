@@ -335,7 +335,7 @@ fn minus_infinity(outcome: &mut Outcome) -> Result<(), EntryError> {
 
 fn unusable(outcome: &mut Outcome) -> Result<(), EntryError> {
     let empty = Bounds::new([(0.0, 1.0), (2.0, 2.0)]);
-    outcome.refused_with(empty, "Bounds", "variable 1 are [2, 2]");
+    outcome.refused_with(empty, "Bounds", "variable 1 (counted from 0) are [2, 2]");
     let sound = ten_candidates(Bounds::unit(2)?);
     let start_at = |start: &[f64]| CmaEs::new(start, sound.clone());
     outcome.refused_with(start_at(&[0.5, 1.5]), "StartOutside", "1.5 in variable 1");
