@@ -19,8 +19,8 @@ pub const REACH: f64 = 1.0;
 /// pair. More of them do not lead to better pairs, either (`docs/enrichment.md`).
 pub const SEARCH_EVALUATIONS: usize = 200;
 
-/// Starts of each fit in a gear campaign, fewer than usual because the fits take a third of a round's time. More of them
-/// do not lead to better pairs.
+/// Starts of each fit in a gear campaign, fewer than usual because every round fits all models again. More of them do
+/// not lead to better pairs.
 pub const FIT_STARTS: usize = 2;
 
 /// [`InfillRow::reason`](store::InfillRow::reason) of more samples at a sampled design.
