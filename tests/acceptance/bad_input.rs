@@ -191,6 +191,14 @@ fn a_store_that_is_not_this_campaigns_is_left_alone() {
     ];
     refusal(&sandbox, &export, 4, &["notes.txt"]);
     refusal(&sandbox, &["init", "notes.txt"], 4, &["notes.txt"]);
+    // Of two files, neither is left if the other exists.
+    let external = ["init", "notes.txt", "--external"];
+    refusal(&sandbox, &external, 4, &["notes.txt"]);
+    assert!(!sandbox.path("notes.py").exists());
+    sandbox.write("own.py", "print()");
+    let external = ["init", "own.toml", "--external"];
+    refusal(&sandbox, &external, 4, &["own.py"]);
+    assert!(!sandbox.path("own.toml").exists());
     assert_eq!(
         std::fs::read(sandbox.path("notes.txt")).unwrap(),
         b"not a database"

@@ -285,12 +285,16 @@ store.close()
 #[test]
 fn a_report_that_does_not_fit_on_the_disk_is_an_error_of_files() {
     let sandbox = Sandbox::new();
-    let file = sandbox.write("tiny.toml", &small_campaign(12, 10));
+    let file = sandbox.write("tiny.toml", &small_campaign(12, 400));
     let file = file.to_str().unwrap();
     assert_code(&sandbox.coordinator(&["run", file, "--db", "w.db"]), 0);
-    // Blocks of 512 bytes: SQLite's index of the log fits, the report does not.
+    // Blocks of 512 bytes: SQLite's index of the log fits, a report or a table of the samples does not.
     let script = "trap '' XFSZ; ulimit -f 100; exec \"$0\" report --db w.db --out w";
     assert_refused(&shell(&sandbox, script), &[4], "cannot write");
+    let script =
+        "trap '' XFSZ; ulimit -f 100; exec \"$0\" export --db w.db --table samples --out w.csv";
+    assert_refused(&shell(&sandbox, script), &[4], "cannot write");
+    assert!(!sandbox.path("w.csv").exists(), "a part of a table is left");
     let script = "exec \"$0\" status --db w.db > /dev/full";
     assert_refused(&shell(&sandbox, script), &[4], "space");
 }

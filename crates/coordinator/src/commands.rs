@@ -2,7 +2,6 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -43,7 +42,7 @@ mod tradeoff;
 mod um_bridge;
 mod viewing;
 
-use self::output::{FileAccess, create_new, print, print_either, print_text};
+use self::output::{FileAccess, print, print_either, print_text};
 use self::output_folder::OutputFolder;
 
 /// Arguments that contradict each other or the campaign.
@@ -419,21 +418,15 @@ async fn compare(arguments: arguments::Compare) -> Result<u8, ProgramError> {
     Ok(exit::OK)
 }
 
-/// Writes a file that does not exist yet.
-fn write_new(path: &Path, text: &str) -> Result<(), ProgramError> {
-    let mut file = create_new(path)?;
-    let written = file.write_all(text.as_bytes());
-    Ok(written.map_err(|source| FileAccess::new("write", path, source))?)
-}
-
 fn init(arguments: &arguments::Init) -> Result<u8, ProgramError> {
     let stem = arguments.file.file_stem().and_then(OsStr::to_str);
     let stem = stem.unwrap_or_default();
     if arguments.external {
         let (name, [campaign, program]) = Campaign::external_named(stem);
         let path = arguments.file.with_file_name(format!("{name}.py"));
-        write_new(&path, &program)?;
-        write_new(&arguments.file, &campaign)?;
+        output::write_new(&arguments.file, campaign.as_bytes())?;
+        let written = output::write_new(&path, program.as_bytes());
+        written.inspect_err(|_| output::remove(&arguments.file))?;
         print(&format!(
             "{} states a problem of your own, and {} is its program: edit both, then check and run the campaign\n",
             arguments.file.display(),
@@ -441,7 +434,7 @@ fn init(arguments: &arguments::Init) -> Result<u8, ProgramError> {
         ))?;
         return Ok(exit::OK);
     }
-    write_new(&arguments.file, &Campaign::pair_named(stem))?;
+    output::write_new(&arguments.file, Campaign::pair_named(stem).as_bytes())?;
     print(&format!(
         "{} optimises the profile shifts of a helical gear pair cut with standard hobs: edit it, then check it\n",
         arguments.file.display()

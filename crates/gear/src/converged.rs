@@ -89,8 +89,7 @@ impl Pair {
         let mut last = variations(&pair);
         let mut change = f64::INFINITY;
         for _ in 0..doublings {
-            discretisation.cells *= 2;
-            discretisation.phases *= 2;
+            discretisation = discretisation.refined(2);
             pair = build(&discretisation)?;
             let next = variations(&pair);
             change = 0.0;

@@ -430,6 +430,16 @@ impl Discretisation {
         }
     }
 
+    /// The grid that is `times` as fine in both numbers. An error that falls with the square of both is
+    /// 4/3 of the difference between a grid and the one twice as fine.
+    #[must_use]
+    pub const fn refined(self, times: usize) -> Self {
+        Self {
+            cells: times * self.cells,
+            phases: times * self.phases,
+        }
+    }
+
     /// Checks that neither number is too small to mean anything or too large to be stored.
     ///
     /// # Errors

@@ -30,6 +30,7 @@ use crate::involute::{inv_of_tangent, tangent_length, tangent_of_inv};
 use crate::quadrature::{Failure, Point, ToothIntegrals};
 use crate::root::root;
 use crate::station::{Station, influence};
+use crate::trochoid::crossing;
 use crate::trochoid::rack_corner_room;
 
 #[cfg(test)]
@@ -174,7 +175,8 @@ impl Tooth {
             });
         }
         if tooth.tau_start < 0.0 {
-            (tooth.gamma_top, tooth.tau_start) = tooth.undercut_junction();
+            (tooth.gamma_top, tooth.tau_start) =
+                crossing(|gamma| fillet.point(gamma), tooth.gamma_top, r_b, psi_b);
         }
         // The apex of the virtual section differs slightly from the transverse one, so even a tip
         // with a land in the one may be pointed in the other.
@@ -202,30 +204,6 @@ impl Tooth {
         };
         tooth.integrate(SEVERED * m).map_err(failed)?;
         Ok(tooth)
-    }
-
-    /// Finds where an undercutting trochoid crosses the involute: (γ, τ) there.
-    ///
-    /// The trochoid ends on the involute's mirror branch, outside the tooth, and passes the base
-    /// circle inside it, so the crossing is bracketed between the two. Should it not be (the
-    /// undercut is then smaller than rounding), the involute starts at the base circle.
-    fn undercut_junction(&self) -> (f64, f64) {
-        let radius = |gamma: f64| {
-            let (x, y) = self.fillet.point(gamma);
-            x.hypot(y)
-        };
-        let top = self.gamma_top;
-        if radius(0.0) >= self.r_b {
-            return (top, tangent_length(radius(top), self.r_b));
-        }
-        let base = root(0.0, top, |gamma| radius(gamma) - self.r_b);
-        let excess = |gamma: f64| {
-            let (x, y) = self.fillet.point(gamma);
-            let tau = tangent_length(x.hypot(y), self.r_b);
-            x.atan2(y) - (self.psi_b - inv_of_tangent(tau / self.r_b))
-        };
-        let crossing = root(base, top, excess);
-        (crossing, tangent_length(radius(crossing), self.r_b))
     }
 
     /// Point of the involute at the tangent length τ, where the tangent is inclined by α_F = τ/r_b − ψ_b.

@@ -58,27 +58,39 @@ impl Trochoid {
 
     /// γ and the tangent length at which an undercutting trochoid crosses the involute with the half-angle
     /// `psi_b` at the base circle `r_b`: the flank's involute starts there.
-    ///
-    /// The trochoid passes the base circle inside the tooth and ends on the involute's mirror branch outside
-    /// it, so the crossing is bracketed. Where it is not, the undercut is smaller than rounding and the
-    /// involute starts at the base circle.
     pub(crate) fn crossing(&self, r_b: f64, psi_b: f64) -> (f64, f64) {
-        let radius = |gamma: f64| {
-            let [x, y] = self.point(gamma);
-            x.hypot(y)
-        };
-        if radius(0.0) >= r_b || radius(self.gamma_end) <= r_b {
-            return (self.gamma_end, 0.0);
-        }
-        let base = root(0.0, self.gamma_end, |gamma| radius(gamma) - r_b);
-        let excess = |gamma: f64| {
-            let [x, y] = self.point(gamma);
+        let point = |gamma| self.point(gamma).into();
+        crossing(point, self.gamma_end, r_b, psi_b)
+    }
+}
+
+/// γ and the tangent length at which an undercutting trochoid with the points (x, y) at γ from 0 to `end`
+/// crosses the involute with the half-angle `psi_b` at the base circle `r_b`.
+///
+/// The trochoid passes the base circle inside the tooth and ends on the involute's mirror branch outside
+/// it, so the crossing is bracketed. Where it is not, the undercut is smaller than rounding and the
+/// trochoid is followed to its end.
+pub(crate) fn crossing(
+    point: impl Fn(f64) -> (f64, f64),
+    end: f64,
+    r_b: f64,
+    psi_b: f64,
+) -> (f64, f64) {
+    let radius = |gamma: f64| {
+        let (x, y) = point(gamma);
+        x.hypot(y)
+    };
+    let start = if radius(0.0) >= r_b || radius(end) <= r_b {
+        end
+    } else {
+        let base = root(0.0, end, |gamma| radius(gamma) - r_b);
+        root(base, end, |gamma| {
+            let (x, y) = point(gamma);
             let tau = tangent_length(x.hypot(y), r_b);
             x.atan2(y) - (psi_b - inv_of_tangent(tau / r_b))
-        };
-        let crossing = root(base, self.gamma_end, excess);
-        (crossing, tangent_length(radius(crossing), r_b))
-    }
+        })
+    };
+    (start, tangent_length(radius(start), r_b))
 }
 
 /// Distance between the rack tooth's axis and the centre of its corner, mm, for the normal module `m`;

@@ -1,6 +1,5 @@
 //! The error of the campaign's grid: an optimum's measure on a finer grid.
 
-use gear::Discretisation;
 use problem::Design;
 use problem::formulation::Problem;
 use problem::task::VERIFICATION;
@@ -18,11 +17,7 @@ pub(crate) fn difference_um(problem: &Problem, design: &Design) -> Option<f64> {
     if campaign.is_external() {
         return None;
     }
-    let own = problem.gears()?.discretisation();
-    campaign.gears_mut()?.grid = Discretisation {
-        cells: 2 * own.cells,
-        phases: 2 * own.phases,
-    };
+    campaign.gears_mut()?.grid = problem.gears()?.discretisation().refined(2);
     Some(measure(&Problem::new(campaign), design)? - measure(problem, design)?)
 }
 

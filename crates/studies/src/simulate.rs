@@ -339,13 +339,9 @@ pub fn run(file: &PairFile, request: Request) -> anyhow::Result<Simulation> {
     })
 }
 
-/// The pair of a file, with its corrections, on a grid that is `refinement` times as fine as usual.
-fn pair(file: &PairFile, refinement: usize) -> Result<Pair, gear::Error> {
-    let usual = Discretisation::of(file.pair.tooth_model);
-    let grid = Discretisation {
-        cells: refinement * usual.cells,
-        phases: refinement * usual.phases,
-    };
+/// The pair of a file, with its corrections, on a grid that is `times` as fine as usual.
+fn pair(file: &PairFile, times: usize) -> Result<Pair, gear::Error> {
+    let grid = Discretisation::of(file.pair.tooth_model).refined(times);
     Pair::with_corrections(&file.to_gear(), &file.corrections(), &grid)
 }
 

@@ -54,8 +54,12 @@ impl Write for Stdout {
 
 /// Prints to standard output.
 pub(super) fn print(text: &str) -> io::Result<()> {
+    write_stdout(text.as_bytes())
+}
+
+fn write_stdout(bytes: &[u8]) -> io::Result<()> {
     let mut out = Stdout(io::stdout());
-    out.write_all(text.as_bytes())?;
+    out.write_all(bytes)?;
     out.flush()
 }
 
@@ -107,14 +111,24 @@ pub(super) fn create(out: &Path) -> Result<Box<dyn Write + Send>, FileAccess> {
     })
 }
 
-/// Writes a whole result to the target of `--out`.
-pub(super) fn write(out: &Path, content: &[u8]) -> Result<(), FileAccess> {
-    let mut file = create(out)?;
-    let written = file.write_all(content).and_then(|()| file.flush());
-    written.map_err(|source| FileAccess::new("write", out, source))
+/// Writes a new file, wholly or not at all. An existing file is refused.
+pub(super) fn write_new(path: &Path, content: &[u8]) -> Result<(), FileAccess> {
+    let mut file = create_new(path)?;
+    file.write_all(content).map_err(|source| {
+        remove(path);
+        FileAccess::new("write", path, source)
+    })
 }
 
-/// Removes the target of `--out` after [`create`], if an error has left a part of the result in it.
+/// Writes a whole result to the target of `--out`.
+pub(super) fn write(out: &Path, content: &[u8]) -> Result<(), FileAccess> {
+    if !is_stdout(out) {
+        return write_new(out, content);
+    }
+    write_stdout(content).map_err(|source| FileAccess::new("write", out, source))
+}
+
+/// Removes a new file, or the target of `--out` after [`create`], in which an error has left a part of the result.
 pub(super) fn remove(out: &Path) {
     if !is_stdout(out) {
         // The error that is reported says why there is no result.
