@@ -1,8 +1,6 @@
 //! The contents of a store, read only.
 
 use std::collections::HashMap;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -183,8 +181,7 @@ impl Store {
         let table = table_of(name)?;
         let format = Format::from_str(format, false).map_err(PitchlineError::new_err)?;
         self.read(py, async move |store| {
-            let file = File::create_new(&file).with_context(|| file.display().to_string())?;
-            export::write(store, table, format, BufWriter::new(file)).await
+            export::write_new(store, table, format, &file).await
         })
     }
 

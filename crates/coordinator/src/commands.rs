@@ -2,6 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -9,10 +10,10 @@ use problem::Campaign;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use results::describing::describe;
-use results::export::Table;
+use results::new_file::NewFile;
 use results::status::Status;
 use results::table::VersionedObject;
-use results::{comparison, export, pair_file, report, snapshot, status};
+use results::{comparison, pair_file, report, snapshot, status};
 use runner::coordinator::local::LocalWorkers;
 use runner::coordinator::server::{self, Outcome, Plan};
 use runner::coordinator::serving::Port;
@@ -380,15 +381,7 @@ async fn export(arguments: arguments::Export) -> Result<u8, ProgramError> {
     let store = Store::open_read_only(&arguments.db).await?;
     let what = &arguments.what;
     if let (Some(table), Some(out)) = (what.table, &arguments.out) {
-        if table == Table::Model {
-            // Read before the file is created: the campaign may have no model yet.
-            let model = results::model::stored(&store).await?.to_json()?;
-            output::write(out, format!("{model}\n").as_bytes())?;
-        } else {
-            let file = output::create(out)?;
-            let written = export::write(&store, table, arguments.format, file).await;
-            written.inspect_err(|_| output::remove(out))?;
-        }
+        output::write_table(out, &store, table, arguments.format).await?;
     }
     if let Some(out) = &what.pair {
         let approach = match arguments.approach {
@@ -424,9 +417,10 @@ fn init(arguments: &arguments::Init) -> Result<u8, ProgramError> {
     if arguments.external {
         let (name, [campaign, program]) = Campaign::external_named(stem);
         let path = arguments.file.with_file_name(format!("{name}.py"));
-        output::write_new(&arguments.file, campaign.as_bytes())?;
-        let written = output::write_new(&path, program.as_bytes());
-        written.inspect_err(|_| output::remove(&arguments.file))?;
+        let mut file = NewFile::create(&arguments.file)?;
+        file.write_all(campaign.as_bytes())?;
+        output::write_new(&path, program.as_bytes())?;
+        file.keep()?;
         print(&format!(
             "{} states a problem of your own, and {} is its program: edit both, then check and run the campaign\n",
             arguments.file.display(),

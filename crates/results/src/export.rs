@@ -4,6 +4,7 @@ mod designs;
 mod evaluations;
 
 use std::io::{Sink, Write};
+use std::path::Path;
 
 use clap::ValueEnum;
 use ledger::StreamId;
@@ -18,6 +19,7 @@ use store::{OriginRow, Store};
 use crate::columnar::Columns;
 use crate::columns::{squared, statistic};
 use crate::finer_grid::difference_um;
+use crate::new_file::NewFile;
 use crate::optima::Optima;
 use crate::report::EnrichmentRound;
 use crate::table::{Cell, Column, Format, TableWriter};
@@ -68,6 +70,22 @@ pub async fn write(
     let name = table.to_possible_value();
     let name = name.as_ref().map_or("", |value| value.get_name());
     fill(store, table, Destination::File { out, format, name }).await
+}
+
+/// Writes a table into a new file, wholly or not at all.
+///
+/// # Errors
+///
+/// As [`write`], or the file exists.
+pub async fn write_new(
+    store: &Store,
+    table: Table,
+    format: Format,
+    path: &Path,
+) -> anyhow::Result<()> {
+    let mut file = NewFile::create(path)?;
+    write(store, table, format, &mut file).await?;
+    Ok(file.keep()?)
 }
 
 /// A table in memory; empty for the model, which is not a table.

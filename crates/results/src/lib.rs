@@ -6,6 +6,7 @@
 //! - [`export`] writes the store's tables as CSV, JSON or Parquet through [`table`], or keeps them in memory as
 //!   [`columnar`] ones; [`model`] is its kriging model, and [`pair_file`] an optimum as a pair file.
 //! - [`report`] is the report with its charts; [`comparison`] puts the paper's figures beside ours.
+//! - [`new_file`] writes a file wholly or not at all.
 //! - [`sheet`] is the data sheet of a gear pair.
 //! - [`doubts`] has the reasons to doubt a pair, a recommended design and what a store holds.
 //! - [`number`] shows numbers to people.
@@ -27,6 +28,7 @@ mod finer_grid;
 pub mod live;
 pub mod model;
 pub mod modelling;
+pub mod new_file;
 pub mod number;
 pub mod optima;
 pub mod pair_file;

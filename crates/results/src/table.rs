@@ -1,6 +1,6 @@
 //! Typed tables as CSV, JSON or Parquet, or in memory.
 
-use std::io::Write;
+use std::io::{self, Write};
 
 use clap::ValueEnum;
 use serde_json::{Map, Number, Value};
@@ -104,7 +104,7 @@ impl<'a, W: Write + Send> TableWriter<'a, W> {
         let form = match format {
             Format::Csv => {
                 let mut out = csv::Writer::from_writer(out);
-                out.write_record(&names)?;
+                out.write_record(&names).map_err(of_output)?;
                 Form::Csv(Box::new(out))
             }
             Format::Json => {
@@ -152,7 +152,10 @@ impl<'a, W: Write + Send> TableWriter<'a, W> {
         }
         match &mut self.form {
             Form::Memory(kept) => kept.push(row)?,
-            Form::Csv(out) => out.write_record(row.iter().map(ToString::to_string))?,
+            Form::Csv(out) => {
+                let fields = row.iter().map(ToString::to_string);
+                out.write_record(fields).map_err(of_output)?;
+            }
             Form::Json(out) => {
                 let start = if self.rows == 0 { "\n" } else { ",\n" };
                 write!(out, "{start}{}", Value::Object(object(columns, row)))?;
@@ -181,6 +184,14 @@ impl<'a, W: Write + Send> TableWriter<'a, W> {
             Form::Parquet(out) => out.finish()?,
         }
         Ok(())
+    }
+}
+
+/// The error of the output, which [`csv::Error`] does not name as its source.
+fn of_output(error: csv::Error) -> io::Error {
+    match error.into_kind() {
+        csv::ErrorKind::Io(error) => error,
+        other => io::Error::other(format!("{other:?}")),
     }
 }
 

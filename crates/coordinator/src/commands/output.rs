@@ -1,11 +1,14 @@
 //! Output of results to standard output and to new files.
 
-use std::fs::{File, OpenOptions};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use results::export::{self, Table};
+use results::new_file::NewFile;
+use results::table::Format;
 use runner::exit::{self, HasExitCode};
 use serde::Serialize;
+use store::Store;
 use terminal_size::{Width, terminal_size_of};
 
 /// A file that cannot be read or written.
@@ -96,43 +99,34 @@ pub(super) fn print_either(
     }
 }
 
-/// Creates a file for writing. An existing file is refused.
-pub(super) fn create_new(path: &Path) -> Result<File, FileAccess> {
-    let file = OpenOptions::new().write(true).create_new(true).open(path);
-    file.map_err(|source| FileAccess::new("write a new file", path, source))
-}
-
-/// Opens the target of `--out`: standard output for `-`, otherwise a new file.
-pub(super) fn create(out: &Path) -> Result<Box<dyn Write + Send>, FileAccess> {
-    Ok(if is_stdout(out) {
-        Box::new(io::BufWriter::new(Stdout(io::stdout())))
-    } else {
-        Box::new(io::BufWriter::new(create_new(out)?))
-    })
-}
-
 /// Writes a new file, wholly or not at all. An existing file is refused.
-pub(super) fn write_new(path: &Path, content: &[u8]) -> Result<(), FileAccess> {
-    let mut file = create_new(path)?;
-    file.write_all(content).map_err(|source| {
-        remove(path);
-        FileAccess::new("write", path, source)
-    })
+pub(super) fn write_new(path: &Path, content: &[u8]) -> io::Result<()> {
+    let mut file = NewFile::create(path)?;
+    file.write_all(content)?;
+    file.keep()
 }
 
-/// Writes a whole result to the target of `--out`.
-pub(super) fn write(out: &Path, content: &[u8]) -> Result<(), FileAccess> {
-    if !is_stdout(out) {
-        return write_new(out, content);
+/// Writes a whole result to the target of `--out`: standard output for `-`, otherwise a new file.
+pub(super) fn write(out: &Path, content: &[u8]) -> io::Result<()> {
+    if is_stdout(out) {
+        write_stdout(content)
+    } else {
+        write_new(out, content)
     }
-    write_stdout(content).map_err(|source| FileAccess::new("write", out, source))
 }
 
-/// Removes a new file, or the target of `--out` after [`create`], in which an error has left a part of the result.
-pub(super) fn remove(out: &Path) {
-    if !is_stdout(out) {
-        // The error that is reported says why there is no result.
-        let _ = std::fs::remove_file(out);
+/// Writes a table of a store to the target of `--out`.
+pub(super) async fn write_table(
+    out: &Path,
+    store: &Store,
+    table: Table,
+    format: Format,
+) -> anyhow::Result<()> {
+    if is_stdout(out) {
+        let stdout = io::BufWriter::new(Stdout(io::stdout()));
+        export::write(store, table, format, stdout).await
+    } else {
+        export::write_new(store, table, format, out).await
     }
 }
 
