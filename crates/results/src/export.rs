@@ -76,7 +76,7 @@ pub async fn write(
 ///
 /// # Errors
 ///
-/// As [`write`], or the file exists.
+/// As [`write()`], or the file exists.
 pub async fn write_new(
     store: &Store,
     table: Table,
