@@ -7,9 +7,9 @@
 
 use crate::vectors::with_vectors;
 
-use super::matrix::{Lanes, Matrix, add_multiple, lanes};
+use super::matrix::{Lanes, Matrix, add_multiple, greatest, lanes, sum};
 
-/// Rounds in which all offenders change at once. Three are usual, eight the most seen.
+/// Rounds in which all offenders change at once. One or two are usual, eight the most seen.
 const FREE_ROUNDS: usize = 25;
 /// Share of the load below which a pulling force is rounding.
 const FORCE_TOLERANCE: f64 = 1e-9;
@@ -23,6 +23,8 @@ pub(super) struct Stiffness {
     matrix: Matrix,
     /// Its row sums.
     sums: Vec<Lanes>,
+    /// The sum of all.
+    sum: f64,
 }
 
 impl Stiffness {
@@ -35,6 +37,7 @@ impl Stiffness {
         }
         Some(Self {
             matrix: compliance,
+            sum: sum(&sums),
             sums,
         })
     }
@@ -61,7 +64,8 @@ pub(super) struct Memory {
     is_open: Vec<bool>,
     /// The open cells.
     open: Vec<usize>,
-    /// Cholesky factor of the part of A that belongs to the open cells, row by row.
+    /// Cholesky factor of the part of A that belongs to the open cells, row by row, with the reciprocals of its
+    /// diagonal.
     factor: Vec<f64>,
     /// Solutions for a and for A g.
     solutions: [Vec<f64>; 2],
@@ -97,24 +101,17 @@ impl Memory {
         } = loading;
         let n = gap.len();
         let (matrix, sums) = (&stiffness.matrix, &stiffness.sums);
-        self.product.clear();
-        self.product.resize(lanes(n), [0.0; 8]);
-        for (i, &g) in gap.iter().enumerate() {
-            add_multiple(&mut self.product, g, matrix.lanes_of(i));
-        }
-        let greatest = gap.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
-        let product = self.product.as_flattened();
-        let strongest = product.iter().fold(0.0, |most: f64, g| most.max(g.abs()));
-        let least_overlap = GAP_TOLERANCE * greatest.max(1e-3);
+        matrix.multiply(gap, &mut self.product);
+        let least_overlap = GAP_TOLERANCE * greatest(gap).max(1e-3);
+        let strongest = greatest(self.product.as_flattened());
         let pull = -(FORCE_TOLERANCE * load).max(1e-13 * strongest);
-        let all_sums: f64 = sums.as_flattened().iter().sum();
-        let all_product: f64 = product.iter().sum();
+        let all_product = sum(&self.product);
         self.is_open.clear();
         self.is_open.extend_from_slice(is_open);
         for round in 0..FREE_ROUNDS + 8 * n {
             self.list_open(gap);
             self.solve_open(stiffness);
-            let (mut force, mut rate) = (load + all_product, all_sums);
+            let (mut force, mut rate) = (load + all_product, stiffness.sum);
             let [for_sums, for_product] = &self.solutions;
             for ((&i, for_sums), for_product) in self.open.iter().zip(for_sums).zip(for_product) {
                 let sum = sums.as_flattened()[i];
@@ -176,21 +173,21 @@ impl Memory {
                 );
                 let rest = row[j] - product;
                 self.factor.push(if q == p {
-                    rest.sqrt()
+                    rest.sqrt().recip()
                 } else {
-                    rest / self.factor[above + q]
+                    rest * self.factor[above + q]
                 });
             }
             let factor = &self.factor[start..start + p];
             let diagonal = self.factor[start + p];
-            for_sums.push((sums[i] - dot(factor, for_sums)) / diagonal);
-            for_product.push((product[i] - dot(factor, for_product)) / diagonal);
+            for_sums.push((sums[i] - dot(factor, for_sums)) * diagonal);
+            for_product.push((product[i] - dot(factor, for_product)) * diagonal);
         }
         for p in (0..k).rev() {
             let start = p * (p + 1) / 2;
             let diagonal = self.factor[start + p];
             for solution in [&mut *for_sums, &mut *for_product] {
-                solution[p] /= diagonal;
+                solution[p] *= diagonal;
                 let value = solution[p];
                 let factor = &self.factor[start..start + p];
                 for (solution, factor) in solution.iter_mut().zip(factor) {

@@ -19,6 +19,32 @@ pub(super) fn add_multiple(to: &mut [Lanes], factor: f64, row: &[Lanes]) {
     }
 }
 
+/// The sum of all numbers, lane by lane.
+#[inline(always)]
+pub(super) fn sum(values: &[Lanes]) -> f64 {
+    let mut sums = [0.0; 8];
+    for values in values {
+        for (sum, value) in sums.iter_mut().zip(values) {
+            *sum += value;
+        }
+    }
+    sums.iter().sum()
+}
+
+/// The greatest magnitude.
+#[inline(always)]
+pub(super) fn greatest(values: &[f64]) -> f64 {
+    let (whole, rest) = values.as_chunks::<8>();
+    let mut most = [0.0_f64; 8];
+    for values in whole {
+        for (most, value) in most.iter_mut().zip(values) {
+            *most = most.max(value.abs());
+        }
+    }
+    let all = most.iter().chain(rest);
+    all.fold(0.0, |most, value| most.max(value.abs()))
+}
+
 /// A symmetric n×n matrix, row by row; rows are padded with zeros.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Matrix {
@@ -47,6 +73,35 @@ impl Matrix {
     pub(super) fn row_mut(&mut self, i: usize) -> &mut [f64] {
         let width = lanes(self.n);
         &mut self.values[i * width..(i + 1) * width].as_flattened_mut()[..self.n]
+    }
+
+    /// The product with a vector, padded with zeros.
+    #[inline(always)]
+    pub(super) fn multiply(&self, by: &[f64], product: &mut Vec<Lanes>) {
+        product.clear();
+        product.resize(lanes(self.n), [0.0; 8]);
+        for (k, part) in product.chunks_mut(4).enumerate() {
+            match part.len() {
+                4 => self.multiply_lanes::<4>(by, 4 * k, part),
+                3 => self.multiply_lanes::<3>(by, 4 * k, part),
+                2 => self.multiply_lanes::<2>(by, 4 * k, part),
+                _ => self.multiply_lanes::<1>(by, 4 * k, part),
+            }
+        }
+    }
+
+    /// The `N` lanes of the product from `first` on. Their number is fixed, so that the sums stay in registers.
+    #[inline(always)]
+    fn multiply_lanes<const N: usize>(&self, by: &[f64], first: usize, product: &mut [Lanes]) {
+        let mut sums = [[0.0; 8]; N];
+        for (&factor, row) in by.iter().zip(self.values.chunks_exact(lanes(self.n))) {
+            for (sum, values) in sums.iter_mut().zip(&row[first..first + N]) {
+                for (sum, value) in sum.iter_mut().zip(values) {
+                    *sum += factor * value;
+                }
+            }
+        }
+        product.copy_from_slice(&sums);
     }
 
     /// Copies the lower triangle to the upper one.
