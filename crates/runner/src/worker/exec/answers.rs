@@ -74,10 +74,13 @@ pub(super) fn check(numbers: &Numbers, wanted: &[&str], others: &[&str]) -> Resu
     }
     let is_unknown = |name: &&String| !others.contains(&name.as_str());
     if let Some(name) = numbers.keys().find(is_unknown) {
-        return Err(format!(
-            "it has {name:?}, which is not one of the campaign's names: {}",
-            others.join(", ")
-        ));
+        return Err(match others {
+            [] => format!("it has {name:?}, but no number was asked for"),
+            _ => format!(
+                "it has {name:?}, which was not asked for; what may be there: {}",
+                others.join(", ")
+            ),
+        });
     }
     Ok(())
 }
@@ -272,7 +275,7 @@ mod tests {
             ),
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
-                "\"mood\", which is not one of the campaign's names",
+                "\"mood\", which was not asked for; what may be there: delta_ste_um",
             ),
             (
                 r#"{"delta_ste_um": 0.1, "delta_ste_um": 0.2, "id": 7}"#,
@@ -288,6 +291,9 @@ mod tests {
             let error = sample(nonsense).unwrap_err();
             assert!(error.contains(why), "{nonsense}: {error}");
         }
+        let unasked = Numbers::from([("area".to_owned(), 1.0)]);
+        let error = check(&unasked, &[], &[]).unwrap_err();
+        assert_eq!(error, "it has \"area\", but no number was asked for");
     }
 
     #[test]
