@@ -2,6 +2,7 @@
 
 pub(crate) mod contradiction;
 pub(crate) mod near;
+pub(crate) mod prepared;
 pub(crate) mod scaled;
 
 use std::cmp::Ordering;
@@ -74,10 +75,22 @@ impl Points {
         })
     }
 
-    /// Number of different rows. The points must be sorted, as [`merge_repeated`] and [`keep_repeated`] return them.
+    /// Number of different rows. The points must be sorted, as [`points()`] returns them.
     pub(crate) fn distinct(&self) -> usize {
         let new = |i: &usize| *i == 0 || self.row(*i) != self.row(*i - 1);
         (0..self.len()).filter(new).count()
+    }
+}
+
+/// Checks the data and makes points of them; the warnings report merged and contradictory observations. With an
+/// unknown nugget, observations at one point are kept apart, else merged.
+pub(crate) fn points(
+    data: &Data<'_>,
+    unknown_nugget: bool,
+) -> Result<(Points, Vec<Warning>), Error> {
+    match unknown_nugget {
+        true => keep_repeated(data),
+        false => merge_repeated(data),
     }
 }
 
@@ -98,7 +111,7 @@ pub(crate) fn merge_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), 
 /// from their scatter, which a mean of them would lose. Only copies, noise-free observations of the
 /// same value, count once. A row given twice carries no information, and as two measurements it
 /// would make the nugget vanish for any other observations.
-pub(crate) fn keep_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
+fn keep_repeated(data: &Data<'_>) -> Result<(Points, Vec<Warning>), Error> {
     merge_where(data, |a, b, row| {
         let exact = data.noise_variance[a] == 0.0 && data.noise_variance[b] == 0.0;
         exact && data.y[a] == data.y[b] && compare_rows(row(a), row(b)) == Ordering::Equal

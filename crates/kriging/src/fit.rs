@@ -18,9 +18,9 @@ use rand::seq::SliceRandom as _;
 use stats::streams::{Purpose, stream};
 use tracing::info;
 
-use crate::data::contradiction;
+use crate::data::prepared::Prepared;
 use crate::data::scaled::{SIGMA2_BOUNDS, ScaledData};
-use crate::data::{Data, Points, keep_repeated, merge_repeated};
+use crate::data::{Data, Points};
 use crate::kernel::Kernel;
 use crate::likelihood::gls::{Gls, Trend};
 use crate::model::{Model, Parameters};
@@ -50,24 +50,13 @@ use starts::Search;
 /// [`Error::NoStructure`] if `options` asks for it; and [`Error::NotPositiveDefinite`] if no
 /// covariance of the search can be factorised. A successful fit may have [`Model::warnings`].
 pub fn fit(data: &Data<'_>, options: &FitOptions) -> Result<Model, Error> {
-    let (points, mut warnings) = if options.nugget.is_estimated() {
-        keep_repeated(data)?
-    } else {
-        merge_repeated(data)?
-    };
-    let distinct = points.distinct();
-    if distinct < 2 {
-        return Err(Error::TooFewPoints { distinct });
-    }
-    let scaled = ScaledData::new(&points)?;
-    if !options.nugget.is_estimated() {
-        contradiction::check(&points, &scaled)?;
-    }
-    for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
-        warnings.push(Warning::IgnoredCoordinate { coordinate });
-    }
-    if scaled.y.iter().all(|y| *y == scaled.y[0]) {
-        warnings.push(Warning::ConstantResponse);
+    let Prepared {
+        points,
+        distinct,
+        scaled,
+        mut warnings,
+    } = Prepared::new(data, options.nugget.is_estimated())?;
+    if scaled.is_constant() {
         if options.refuse_no_structure {
             return Err(Error::NoStructure {
                 gain: 0.0,

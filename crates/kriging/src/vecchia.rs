@@ -34,8 +34,9 @@ use rayon::prelude::*;
 use stats::streams::{Purpose, stream};
 use tracing::info;
 
+use crate::data::prepared::Prepared;
 use crate::data::scaled::ScaledData;
-use crate::data::{Data, Points, contradiction, keep_repeated, merge_repeated};
+use crate::data::{Data, Points};
 use crate::fit::report::{few_points, no_structure};
 use crate::fit::{SubsetFit, constant_sigma2, fit_subset, in_units_of_data};
 use crate::kernel::Kernel;
@@ -114,27 +115,16 @@ pub fn fit_vecchia(data: &Data<'_>, options: &VecchiaOptions) -> Result<Vecchia,
     if let Some(&(what, _)) = counts.iter().find(|(_, count)| *count == 0) {
         return Err(Error::OutOfRange { what, value: 0.0 });
     }
-    let (points, mut warnings) = if options.nugget.is_estimated() {
-        keep_repeated(data)?
-    } else {
-        merge_repeated(data)?
-    };
+    let Prepared {
+        points,
+        distinct,
+        scaled,
+        mut warnings,
+    } = Prepared::new(data, options.nugget.is_estimated())?;
     let n = points.len();
-    let distinct = points.distinct();
-    if distinct < 2 {
-        return Err(Error::TooFewPoints { distinct });
-    }
-    let scaled = ScaledData::new(&points)?;
-    if !options.nugget.is_estimated() {
-        contradiction::check(&points, &scaled)?;
-    }
-    for coordinate in (0..data.d).filter(|j| !scaled.active.contains(j)) {
-        warnings.push(Warning::IgnoredCoordinate { coordinate });
-    }
     let mut order: Vec<usize> = (0..n).collect();
     order.shuffle(&mut stream(options.seed, Purpose::Fit, 2, 0));
-    if scaled.y.iter().all(|y| *y == scaled.y[0]) {
-        warnings.push(Warning::ConstantResponse);
+    if scaled.is_constant() {
         let process = ScaledParameters {
             ln_ranges: vec![0.5_f64.ln(); scaled.active.len()],
             nugget: 0.0,

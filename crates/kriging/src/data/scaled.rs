@@ -86,6 +86,11 @@ impl ScaledData {
         self.y.len()
     }
 
+    /// Whether all observations are the same.
+    pub(crate) fn is_constant(&self) -> bool {
+        self.y.iter().all(|y| *y == self.y[0])
+    }
+
     /// The points of the given indices.
     pub(crate) fn subset(&self, indices: &[usize]) -> Self {
         let pick = |values: &[f64]| indices.iter().map(|&i| values[i]).collect::<Vec<f64>>();

@@ -2,7 +2,7 @@
 
 use super::{Factorisation, Model};
 use crate::data::scaled::ScaledData;
-use crate::data::{Points, contradiction, keep_repeated, merge_repeated};
+use crate::data::{self, Points, contradiction, merge_repeated};
 use crate::error::check_length;
 use crate::likelihood::{noise_ratio, point};
 use crate::linalg::{LowerTriangle, Spd};
@@ -30,11 +30,7 @@ impl Model {
         check_length("every point", d, data.d)?;
         // The nugget belongs to every observation, so they are not merged.
         let apart = self.has_nugget();
-        let (mut new, warnings) = if apart {
-            keep_repeated(data)?
-        } else {
-            merge_repeated(data)?
-        };
+        let (mut new, warnings) = data::points(data, apart)?;
         let repeated = |i: usize| (0..self.points()).any(|k| self.points.row(k) == new.row(i));
         if !apart && (0..new.len()).any(repeated) {
             return self.refactorised(data);

@@ -126,7 +126,8 @@ mod tests {
     use rand::RngExt as _;
     use stats::streams::{Purpose, stream};
 
-    use crate::data::{Data, keep_repeated};
+    use crate::data;
+    use crate::data::Data;
     use crate::model::Model;
     use crate::{FitOptions, Nugget, Trend, fit};
 
@@ -163,12 +164,15 @@ mod tests {
                 (x, y, vec![0.0; rows.len()])
             };
             let points = |(x, y, noise_variance): &(Vec<f64>, Vec<f64>, Vec<f64>)| {
-                keep_repeated(&Data {
-                    x,
-                    d: 2,
-                    y,
-                    noise_variance,
-                })
+                data::points(
+                    &Data {
+                        x,
+                        d: 2,
+                        y,
+                        noise_variance,
+                    },
+                    true,
+                )
                 .unwrap()
                 .0
             };
