@@ -1,4 +1,4 @@
-//! The guide's lines for two machines, typed against an sshd on loopback.
+//! The lines for two machines of `deploy/README.md`, typed against an sshd on loopback.
 
 use std::os::unix::fs::symlink;
 
