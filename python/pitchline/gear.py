@@ -95,7 +95,7 @@ class Pair:
         return self._pair.load_cases()
 
     def transmission_error(self, *, worn: bool = False) -> Curve:
-        """The transmission error of the nominal pair, new or with Archard's wear."""
+        """The transmission error of the nominal pair, new or with the mean wear."""
         return Curve(*self._pair.transmission_error(worn))
 
     def sample(self, samples: int, *, seed: int = 1) -> Array:

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
@@ -98,7 +99,7 @@ def parallel_coordinates(results: Results, *, best: float = 0.1, axes: Axes | No
     rows = np.stack([designs[name] for name in names], axis=1)[responses["design"]]
     low, high = rows.min(axis=0), rows.max(axis=0)
     scaled = (rows - low) / np.where(high > low, high - low, 1.0)
-    order = np.argsort(measure)
+    order = np.argsort(-measure if results.status["aim"] == "maximise" else measure)
     marked = set(order[: max(1, round(best * len(order)))].tolist())
     for place in order[::-1].tolist():
         is_marked = place in marked
@@ -116,12 +117,13 @@ def parallel_coordinates(results: Results, *, best: float = 0.1, axes: Axes | No
 
 
 def verification(results: Results, axes: Axes | None = None) -> Axes:
-    """The distributions of the verification samples of the optima."""
+    """The distributions of the verification samples of the optima, with a line at the percentile that is optimised."""
     axes = _axes(axes)
     for name, samples in results.verification.items():
         if len(samples) > 0:
             axes.ecdf(samples, label=name)
-    axes.axhline(0.9, color="grey", linewidth=0.8, linestyle=":")
+    if percentile := re.fullmatch(r"P([0-9.]+)", results.status["measure"]):
+        axes.axhline(float(percentile[1]) / 100.0, color="grey", linewidth=0.8, linestyle=":")
     unit = results.status["unit"]
     axes.set_xlabel(f"verification samples, {unit}" if unit else "verification samples")
     axes.set_ylabel("share of the samples")
@@ -130,7 +132,7 @@ def verification(results: Results, axes: Axes | None = None) -> Axes:
 
 
 def transmission_error(pair: Pair, axes: Axes | None = None) -> Axes:
-    """The transmission error of a pair, new and with Archard's wear."""
+    """The transmission error of a pair, new and with the mean wear."""
     axes = _axes(axes)
     for worn, label in [(False, "new"), (True, "worn")]:
         curve = pair.transmission_error(worn=worn)

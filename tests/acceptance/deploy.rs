@@ -10,7 +10,7 @@ use acceptance::{Sandbox, assert_code, free_address, printed, root, skipped};
 use runner::exit;
 
 /// Exit codes after which a restart cannot help.
-const FINAL_FOR_COORDINATOR: [u8; 8] = [
+const FINAL_FOR_COORDINATOR: [u8; 11] = [
     exit::USAGE,
     exit::BAD_FILE,
     exit::FILE_ACCESS,
@@ -19,6 +19,9 @@ const FINAL_FOR_COORDINATOR: [u8; 8] = [
     exit::UNUSABLE_STORE,
     exit::STORE_LOCKED,
     exit::INCOMPLETE,
+    exit::NOT_SIMULABLE,
+    exit::NONE_FEASIBLE,
+    exit::OVER_BUDGET,
 ];
 const FINAL_FOR_WORKER: [u8; 3] = [exit::USAGE, exit::FILE_ACCESS, exit::REFUSED];
 

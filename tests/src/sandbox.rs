@@ -276,6 +276,15 @@ impl RunningProgram {
     /// The program does not end in time.
     #[must_use]
     pub fn finish(mut self) -> (ExitStatus, String) {
+        // Read meanwhile: a program whose messages nobody reads stops when the pipe is full.
+        let errors = self.child.stderr.take().map(|mut pipe| {
+            std::thread::spawn(move || {
+                let mut errors = String::new();
+                pipe.read_to_string(&mut errors)
+                    .expect("standard error is text");
+                errors
+            })
+        });
         let since = Instant::now();
         let status = loop {
             if let Some(status) = self.child.try_wait().expect("the process can be asked") {
@@ -284,12 +293,8 @@ impl RunningProgram {
             assert!(since.elapsed() < PATIENCE, "the process does not end");
             std::thread::sleep(Duration::from_millis(10));
         };
-        let mut errors = String::new();
-        if let Some(mut pipe) = self.child.stderr.take() {
-            pipe.read_to_string(&mut errors)
-                .expect("standard error is text");
-        }
-        (status, errors)
+        let errors = errors.map(|reader| reader.join().expect("the reader does not panic"));
+        (status, errors.unwrap_or_default())
     }
 }
 

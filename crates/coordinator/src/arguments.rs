@@ -89,7 +89,7 @@ pub(crate) enum Command {
     Compare(Compare),
     /// Simulate one gear pair
     Simulate(Simulate),
-    /// Make a pair file for `simulate` of a gear stage in REXS
+    /// Convert a gear stage in REXS to a pair file for `simulate`
     Import(Import),
     /// Offer a campaign's gear model to other programs, as a UM-Bridge model
     UmBridge(UmBridge),
@@ -118,7 +118,8 @@ pub(crate) struct Run {
     /// Accept a store on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// Number of workers to start in this process [default: the number of processors]
+    /// Number of workers to start in this process [default: the processors divided by
+    /// simulator.processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
     /// Stop as at Ctrl-C once standard input ends: for a program that starts this one and may be killed

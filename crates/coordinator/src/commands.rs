@@ -127,6 +127,15 @@ fn campaign_file(path: &Path) -> Result<CampaignFile, ProgramError> {
     Ok(file.with_designs(&table.display().to_string(), &text)?)
 }
 
+/// The number of workers to start in this process: as given, or as many as there are processors for one call of the
+/// simulator each.
+fn workers_or_default(given: Option<u16>, campaign: &Campaign) -> u16 {
+    given.unwrap_or_else(|| {
+        let count = u32::from(processors()) / campaign.simulator.processors();
+        u16::try_from(count.max(1)).unwrap_or(u16::MAX)
+    })
+}
+
 async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
     let file = arguments.campaign.as_deref();
     let CampaignFile { campaign, text, .. } = campaign_or_paper(file)?;
@@ -134,11 +143,7 @@ async fn run(arguments: arguments::Run) -> Result<u8, ProgramError> {
         .db
         .unwrap_or_else(|| PathBuf::from(format!("{}.db", campaign.name)));
     refuse_network_store(&db, arguments.allow_network_store)?;
-    let per_call = campaign.simulator.processors();
-    let count = arguments.workers.unwrap_or_else(|| {
-        let count = u32::from(processors()) / per_call;
-        u16::try_from(count.max(1)).unwrap_or(u16::MAX)
-    });
+    let count = workers_or_default(arguments.workers, &campaign);
     let workers = local_workers(&campaign, file, &arguments.how.simulator, count)?;
     let shutdown = CancellationToken::new();
     if arguments.until_input_ends {

@@ -6,7 +6,7 @@ pub enum Error {
     /// A design does not have one coordinate per variable, each a finite number.
     #[error("design {index} must have {expected} finite coordinates, one per variable")]
     Design {
-        /// Index of the design, from 0 in its list.
+        /// Index of the design, from 0; failed designs are counted after the sampled ones.
         index: usize,
         /// The number of variables.
         expected: usize,

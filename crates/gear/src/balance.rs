@@ -8,8 +8,8 @@ pub(crate) const CONVERGED: f64 = 1e-6;
 /// The most Newton steps. A solution takes that many only if the loaded part of the path shrinks to a
 /// point.
 pub(crate) const MAX_STEPS: usize = 100;
-/// Rounds of the search for extremes between the phases when contact goes on beyond the path, where it begins at an
-/// unknown phase within a phase step. One round suffices otherwise.
+/// Rounds of the search for extremes between the phases if contact goes on beyond the path: it then begins at an unknown
+/// place within a phase step. Otherwise one round suffices.
 const ROUNDS_BEYOND: usize = 3;
 
 /// Path, stiffness and load of one pair.

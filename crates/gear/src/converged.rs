@@ -60,7 +60,7 @@ impl Pair {
         Self::converged_with_corrections(input, &Corrections::default(), wear, tolerance)
     }
 
-    /// As [`converged`](Self::converged) for flanks with tip relief and crowning.
+    /// As [`converged`](Self::converged) for flanks with [`Corrections`].
     ///
     /// # Errors
     /// As [`Pair::with_corrections`], and [`Error::Input`] for a wear that [`Wear::validate`]

@@ -1,5 +1,6 @@
 //! Reasons why a pair cannot be simulated, each with the numbers that decided.
 
+use crate::accuracy::Range;
 use crate::input::{InputError, Member};
 
 /// Why a pair could not be simulated.
@@ -176,8 +177,9 @@ pub enum Infeasibility {
     /// the tooth model.
     #[error(
         "the compliance of the coupled contact has no inverse at the phase {phase:.3}: the pair is too far \
-         outside the range of the tooth model (15 to 80 teeth, faces of 2 to 14 modules, helix angles up to \
-         35 degrees)"
+         outside the range of the tooth model ({} to {} teeth, faces of {} to {} modules, helix angles up to {} degrees)",
+        Range::TEETH.limits[0], Range::TEETH.limits[1], Range::FACE_WIDTH.limits[0], Range::FACE_WIDTH.limits[1],
+        Range::HELIX_ANGLE.limits[1]
     )]
     ContactUnresolved {
         /// Phase in base pitches.

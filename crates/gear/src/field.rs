@@ -133,7 +133,7 @@ impl Field {
         self.modes.len() / self.len
     }
 
-    /// Fills `out` with 1 + Σ z_k φ_k, clamped at zero because wear cannot add material.
+    /// Fills `out` with 1 + Σ z_k ψ_k, clamped at zero because wear cannot add material.
     pub(crate) fn evaluate(&self, z: &[f64], out: &mut Vec<f64>) {
         out.clear();
         out.resize(self.len, 1.0);

@@ -212,7 +212,7 @@ impl Geometry {
     /// Computes the geometry of a validated input.
     ///
     /// # Errors
-    /// The first reason, in the order of [`Infeasibility`], for which the pair does not exist.
+    /// The first reason found why the pair does not exist.
     pub fn new(input: &PairInput) -> Result<Self, Infeasibility> {
         let z = input.teeth.map(f64::from);
         let (alpha_n, beta) = (input.pressure_angle, input.helix_angle.abs());

@@ -56,7 +56,6 @@ pub fn active_path(geometry: &Geometry, form_radius: [f64; 2]) -> ActivePath {
     let (s_in, s_out) = (g.s_in.max(form[0]), g.s_out.min(g.path_length - form[1]));
     let roots = [s_in, g.path_length - s_out];
     let tips = [s_out, g.path_length - s_in];
-    let ratio = f64::from(g.teeth[0]) / f64::from(g.teeth[1]);
     ActivePath {
         s_in,
         s_out,
@@ -65,8 +64,8 @@ pub fn active_path(geometry: &Geometry, form_radius: [f64; 2]) -> ActivePath {
         length: s_out - s_in,
         eps_alpha: (s_out - s_in) / g.base_pitch,
         root_sliding: [
-            1.0 - (g.path_length - s_in) * ratio / s_in,
-            1.0 - s_out / ((g.path_length - s_out) * ratio),
+            g.specific_sliding(Member::Pinion, s_in),
+            g.specific_sliding(Member::Gear, s_out),
         ],
     }
 }
@@ -198,7 +197,7 @@ pub struct OverBalls {
 }
 
 /// The dimension over the smallest common balls that touch the flanks on the circle d + 2 x m_n, in the middle of the
-/// teeth, or above it. `None` where no such ball is common, touches below the tip's form circle, and stands out over
+/// teeth, or above it. `None` unless such a ball is a common one, touches below the tip form circle and stands out over
 /// the tips.
 #[must_use]
 pub fn common_balls(pair: &UnloadedPair, member: Member) -> Option<OverBalls> {

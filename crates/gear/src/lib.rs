@@ -1,12 +1,12 @@
 //! One helical involute gear pair in, design criteria and static transmission error out.
 //!
-//! [`Pair::new`] computes the zero-backlash geometry of two gears cut by rack tools, the
+//! [`Pair::new`] computes the geometry of two gears cut by rack tools, the
 //! compliance of their teeth and the unworn analysis; every refusal names its reason. From the
 //! pair follow contact ratio, specific sliding, interference, root stress and Hertz pressure, the
 //! transmission error of the pair worn by Archard's law ([`Pair::archard`]), and any number of randomly
 //! worn versions, with perfect flanks ([`Pair::sampler`]) or with the scatter of manufacture
-//! ([`Pair::sampler_with`]). What needs no contact has an [`UnloadedPair`] for a fraction of the time.
-//! [`Pair::with_corrections`] adds tip relief and crowning,
+//! ([`Pair::sampler_with`]). [`UnloadedPair`] gives the results that need no contact in a fraction of the time.
+//! [`Pair::with_corrections`] is for flanks with [`Corrections`],
 //! [`Pair::converged`] is the reference solution, [`rating`] holds ISO 6336's nominal figures for
 //! comparison, and [`inspection`] the dimensions of the data sheet.
 //!
@@ -99,8 +99,8 @@
 //!   greatest load that the unworn pair carries at s. Wear moves load, but the approach changes only
 //!   by the logarithm of it: a load three times as great makes the pair 5 % stiffer.
 //! - **Dynamics, friction, pitch errors**: the transmission error is static. Near a resonance the dynamic
-//!   one differs. Of manufacture only the slopes of profiles and helices are known, the same on all teeth of
-//!   a gear, and the misalignment of the shafts ([`Scatter`]).
+//!   one differs. [`Scatter`] covers slopes of profiles and helices, the same on all teeth of a gear, the misalignment
+//!   of the shafts and the amounts of tip relief; no other deviation of manufacture.
 //! - **Contact beyond the ends of the path**, of tips that engage early under load, with the models of the
 //!   paper: their teeth are so stiff that it hardly shows.
 //! - **Feedback of wear on itself**: wear follows the unworn pressure, as for the first

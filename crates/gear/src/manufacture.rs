@@ -1,4 +1,5 @@
-//! Scatter of manufacture and assembly: slopes of profiles and helices, and shafts out of line.
+//! Scatter of manufacture and assembly: slopes of profiles and helices, misaligned shafts, and amounts of
+//! tip relief.
 //!
 //! A profile slope deviation f_Hα turns all flanks of one gear by the same small angle, as a wrong
 //! pressure angle of the tool does. It is measured in the transverse plane along the line of

@@ -57,9 +57,8 @@ impl Pair {
         Self::with_corrections(input, &Corrections::default(), disc)
     }
 
-    /// As [`new`](Self::new) for flanks with tip relief and crowning, which are part of every
-    /// analysis and every sample of the pair, "unworn" ones included. Tip relief costs nothing; for slices
-    /// crowning makes a new design about four times slower and a sample seventeen times.
+    /// As [`new`](Self::new) for flanks with [`Corrections`], which are part of every analysis and every sample of the
+    /// pair, "unworn" ones included.
     ///
     /// # Errors
     /// As [`new`](Self::new), and [`Error::Input`] when a correction is out of its domain or when
@@ -156,7 +155,7 @@ impl Pair {
     }
 
     /// Compliance q of the pair per length of contact line at `s` under the line load `load`,
-    /// N/mm; mm per N/mm. Only `weber-banaschek` depends on the load.
+    /// N/mm; mm per N/mm. Only `weber-banaschek` and `coupled` depend on the load.
     #[must_use]
     pub fn compliance_under(&self, s: f64, load: f64) -> f64 {
         let geometry = self.geometry();

@@ -78,7 +78,7 @@ pub(crate) enum Touch {
     Everywhere,
     /// In the middle of the places that the line covers.
     Middle,
-    /// In cells of the line, whose width belongs to even phases.
+    /// In the cells that strips of the face cut from the line; their width fits the even phase step.
     Cells,
 }
 

@@ -80,9 +80,7 @@ impl PlainSum {
 
     fn whole_face(pair: &Pair, nodes: &[f64], phases: usize) -> Self {
         let g = pair.geometry();
-        let [material, _] = pair.input().material;
-        let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
-        let hertz = 4.0 * plane / (std::f64::consts::PI * material.youngs_modulus_mpa);
+        let hertz = 2.0 * pair.input().surface_compliance().iter().sum::<f64>();
         let width = g.face_width * g.beta_b.tan();
         let phases = (0..phases).map(|k| {
             let mut touching = Vec::new();

@@ -85,9 +85,7 @@ fn covered(path: &Path, phi: f64) -> f64 {
 /// deflection is `delta`.
 fn springs(pair: &Pair, gap: &[f64], phi: f64, delta: f64) -> Vec<([f64; 2], f64)> {
     let (path, g) = (&pair.mesh.frame.path, pair.geometry());
-    let [material, _] = pair.input().material;
-    let plane = 1.0 - material.poisson_ratio * material.poisson_ratio;
-    let hertz = 4.0 * plane / (std::f64::consts::PI * material.youngs_modulus_mpa);
+    let hertz = 2.0 * pair.input().surface_compliance().iter().sum::<f64>();
     let mut springs = Vec::new();
     let mut end = path.s_in + phi;
     while end < path.s_out + path.window {

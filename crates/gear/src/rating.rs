@@ -370,8 +370,8 @@ fn stiffness(pair: &UnloadedPair, blank_factor: f64, line_load: f64) -> MeshStif
 /// Coefficients L*, M*, P*, Q* of the compliance of a gear body, for a foundation that reaches over
 /// `half_angle` rad on each side of the tooth and a ratio `radius_ratio` = r_f/r_bore.
 ///
-/// No compliance model of this crate has a gear body; [`body_compliance`] gives the compliance that one
-/// would add. The fit holds for 1.4 to 7 in the ratio and 0.01 to 0.12 rad.
+/// Only the tooth model `coupled` has a gear body, with constants of its own. [`body_compliance`] gives the compliance
+/// that this fit would add to the other models. The fit holds for 1.4 to 7 in the ratio and 0.01 to 0.12 rad.
 /// Source: Sainsot, Velex and Duverger, "Contribution of gear body to tooth deflections", ASME
 /// J. Mech. Des. 126 (2004), table 1.
 #[must_use]

@@ -35,8 +35,9 @@ pub struct WearProfile {
 /// Draws randomly worn versions of one pair.
 ///
 /// A draw takes standard normals from the generator in a fixed order, the modes of the pinion's
-/// field, those of the gear's, and then one for each deviation of manufacture that is random, so
-/// equal generators give equal samples bit for bit, and equal wear with and without deviations.
+/// field, those of the gear's, then one for each deviation of manufacture that is random, and last one for a random
+/// share of the depth. Equal generators give equal samples bit for bit and, without a random share, equal wear with and
+/// without deviations.
 #[derive(Debug, Clone)]
 pub struct Sampler {
     /// `None` where the mean-worn flanks have no compliance that can be inverted: samples are NaN.
@@ -163,7 +164,7 @@ impl Sampler {
     }
 
     /// The slope of ΔSTE, µm, in each coefficient: the secant from one standard deviation below
-    /// Archard's wear to one above. ΔSTE has kinks, so that there is no derivative. Over the
+    /// the mean wear to one above. ΔSTE has kinks, so that there is no derivative. Over the
     /// scatter of the wear it is all but linear in most designs, which makes the sum of slopes
     /// times coefficients a strong control variate. Over slope deviations as large as the wear is
     /// deep it is not, and the control is weaker. Costs two analyses for each of the
@@ -184,7 +185,7 @@ impl Sampler {
 
     /// ΔSTE in µm of the pair worn according to the coefficients of the fields' modes, those of the
     /// pinion's field first, then those of the deviations, and that of the share last. Standard normal coefficients
-    /// make it a [`draw`](Self::draw), zeros Archard's wear. Missing coefficients count as zero;
+    /// make it a [`draw`](Self::draw), zeros the mean wear. Missing coefficients count as zero;
     /// those beyond [`modes`](Self::modes) are ignored.
     pub fn at(&mut self, coefficients: &[f64]) -> f64 {
         let mut rest = coefficients;

@@ -157,7 +157,7 @@ impl UnloadedPair {
         &self.input
     }
 
-    /// Tip relief and crowning.
+    /// The corrections of the flanks and the misalignment of the shafts.
     #[must_use]
     pub const fn corrections(&self) -> &Corrections {
         &self.corrections

@@ -101,7 +101,7 @@ impl Guidance<'_> {
                 setting("response", "plain")
             )),
             Error::ExactOnly { what } => Some(format!(
-                "the approximate method, which \"auto\" is for many observations, does not offer {what}: \
+                "the approximate method, which \"auto\" selects for many observations, does not offer {what}: \
                  choose {}",
                 setting("method", "exact")
             )),

@@ -62,7 +62,7 @@ impl Noise {
 /// scatter more than normal ones.
 ///
 /// A variance of zero stays and does not enter the model. Variances that do not depend on x are all
-/// replaced by one. Fewer than two positive variances stay, too.
+/// replaced by one common value. Fewer than two positive variances stay, too.
 ///
 /// # Errors
 ///

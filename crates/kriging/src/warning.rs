@@ -15,8 +15,8 @@ pub enum Warning {
         /// Gain of the model's log likelihood over that of independent observations around a
         /// constant.
         gain: f64,
-        /// The gain below which this warning is given: the number of fitted ranges, as Akaike's
-        /// criterion asks for.
+        /// The gain below which this warning is given: the number of parameters beyond those of a constant plus noise
+        /// (ranges, nugget and slopes), as Akaike's criterion asks for.
         needed: f64,
     },
     /// All observations are equal.

@@ -1,7 +1,7 @@
 //! Attribution of failures: to the sample, to the worker, or to something that all workers depend on.
 //!
-//! A failure counts against a sample only if its worker succeeds with something else. If no other
-//! work does so by itself, the worker gets a *control*: a unit that was computed before. A worker
+//! [`Options::max_failures`](crate::Options::max_failures) asks for a success of the worker between two failures. If no
+//! other work brings one, the worker gets a *control*: a unit that was computed before. A worker
 //! that fails its control is suspended, and nothing counts against the samples.
 
 use std::time::Duration;

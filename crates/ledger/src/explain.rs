@@ -127,7 +127,9 @@ impl<P: Clone> Ledger<P> {
                     free,
                 });
             }
-            if leased > 0 && free > 0 {
+            if self.is_draining {
+                // Nothing more is leased.
+            } else if leased > 0 && free > 0 {
                 let workers = self.holders_of_leases().len();
                 reasons.push(Explanation::Running {
                     leased,
@@ -141,7 +143,7 @@ impl<P: Clone> Ledger<P> {
                     workers: self.holders_of_leases().into_iter().cloned().collect(),
                     oldest_for: oldest.map_or(Duration::ZERO, silence),
                 });
-            } else if free > 0 && waits.len() < present.len() && !self.is_draining {
+            } else if free > 0 && waits.len() < present.len() {
                 reasons.push(Explanation::NotAsked {
                     free,
                     workers: present.len() - waits.len(),
@@ -238,8 +240,8 @@ impl fmt::Display for Explanation {
             ),
             Self::Outage { since, left, .. } => write!(
                 f,
-                "nothing has succeeded since a failure {} ago, which counts against no design: it is \
-                 tried again for another {}",
+                "nothing has succeeded since a failure {} ago, so that it counts against no \
+                 design yet: failed jobs are tried again for another {}",
                 seconds(*since),
                 seconds(*left)
             ),
@@ -294,8 +296,12 @@ impl fmt::Display for Explanation {
                 free,
             } => write!(
                 f,
-                "running: {workers} workers hold {}, and {} wait; more workers would finish them \
-                 sooner",
+                "running: {} with {}, and {} wait; more workers would finish them sooner",
+                if *workers == 1 {
+                    "1 worker".to_owned()
+                } else {
+                    format!("{workers} workers")
+                },
                 leases(*leased),
                 streams(*free)
             ),

@@ -27,8 +27,7 @@
 //!    └───── released, expired, delivered in part
 //! ```
 //!
-//! A failure counts against a sample only while its worker succeeds with other work; see
-//! [`Options::max_failures`] and [`Options::retry_for`]. A stream whose attempts are used up is
+//! [`Options::max_failures`] and [`Options::retry_for`] say which failures count against a sample. A stream whose attempts are used up is
 //! quarantined; a [tolerant](StreamDemand::is_tolerant) stream stores the failure as its result.
 //!
 //! # Invariants

@@ -141,7 +141,8 @@ const TRIED: u64 = 2000;
 pub struct CampaignFile {
     /// The campaign, with the grid, samples and estimator that a tolerance chooses.
     pub campaign: Campaign,
-    /// The text that [`Campaign::parse`] reads as this campaign: the user's, unless it has a tolerance.
+    /// The text that [`Campaign::parse`] reads as this campaign: the user's, unless it has a tolerance or a table of
+    /// designs.
     pub text: String,
     /// The settings that the tolerance chooses.
     pub choice: Option<Choice>,

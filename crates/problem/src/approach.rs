@@ -16,14 +16,14 @@ pub enum Approach {
     /// 2) Minimises the response without random effects: for a gear pair, ΔSTE with Archard's wear.
     #[serde(rename = "archard", alias = "baseline")]
     Baseline = 2,
-    /// 3) Minimises the kriging mean of P90.
+    /// 3) Minimises the kriging mean of the measure, such as P90.
     Kriging = 3,
     /// 4) Takes the best feasible point of the DoE.
     BestOfDoe = 4,
-    /// Minimises the kriging prediction of P90 after rounds of infill, in campaigns with an
+    /// Minimises the kriging prediction of the measure after rounds of infill, in campaigns with an
     /// enrichment.
     EnrichedKriging = 5,
-    /// Minimises the sampled percentile itself, with the same random numbers at every design and
+    /// Minimises the sampled measure itself, with the same random numbers at every design and
     /// without a model.
     Direct = 6,
 }
@@ -69,7 +69,7 @@ impl Approach {
         all.find(|approach| approach.number() == number)
     }
 
-    /// The number in the paper's Table 5. It also identifies random streams and jobs.
+    /// The number of the approach, which also identifies random streams and jobs; 1 to 4 are those of the paper's Table 5.
     #[must_use]
     pub const fn number(self) -> u64 {
         self as u64

@@ -51,7 +51,7 @@ pub use campaign::{Campaign, Kind};
 pub use combination::{Combination, Several};
 pub use constraint::ConstraintSection;
 pub(crate) use corrections::CORRECTIONS;
-pub use corrections::{CorrectionsSection, PairCorrections};
+pub use corrections::{CorrectionsSection, PairCorrections, micrometres};
 pub use enrichment::Enrichment;
 pub use external::{Domain, ExternalSections, VariableSection};
 pub use face_width::FaceWidth;

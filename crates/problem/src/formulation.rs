@@ -461,8 +461,7 @@ impl Problem {
     /// The constraint violation: the sum of the relative violations in the paper's (5), and of the
     /// interferences in modules.
     ///
-    /// It is zero on the feasible side and on its boundary, whereas [`Problem::is_feasible`] is
-    /// strict.
+    /// It is zero on the feasible side and on a limit, where [`Problem::is_feasible`] may still be false.
     #[must_use]
     pub fn violation(&self, criteria: &Criteria) -> f64 {
         let constraints = self.constraints(criteria);
@@ -477,7 +476,8 @@ impl Problem {
         constraints.map(|one| one.violation()).sum()
     }
 
-    /// Whether a design satisfies all constraints of (3) or (7), with their strict inequalities.
+    /// Whether a design satisfies all constraints. On its limit, a constraint with < or > is broken, and one with ≤ or
+    /// ≥ holds.
     #[must_use]
     pub fn is_feasible(&self, criteria: &Criteria) -> bool {
         self.constraints(criteria).iter().all(Constraint::holds)

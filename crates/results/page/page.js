@@ -5,7 +5,7 @@
 const PERIOD = 3000;
 // Screen readers hear of the progress at most this often.
 const SPOKEN_PERIOD = 30000;
-// A lost connection is tried again after this time, and that of a finished campaign seldom.
+// Delay before a lost connection is opened again; longer for a finished campaign.
 const AGAIN = 2000;
 const AGAIN_FINISHED = 30000;
 
@@ -63,7 +63,7 @@ function rate(perSecond) {
 
 // Elements
 
-// An element with text, or with what else is given.
+// An element with text or child elements.
 function element(name, content, properties = {}) {
   const made = document.createElement(name);
   if (Array.isArray(content)) made.append(...content);
@@ -299,10 +299,10 @@ function showRounds(view) {
 
 // Fetching
 
-// What was shown of each view: the same is not drawn twice.
+// The ETag of each view as last drawn; an unchanged view is not drawn again.
 const known = new Map();
 
-// Fetches a view and shows it if it is another one than before.
+// Fetches a view and shows it if it has changed.
 async function view(name, show) {
   const answer = await fetch(`api/v1/${name}`, { cache: "no-cache" });
   const tag = answer.headers.get("etag");
@@ -324,7 +324,7 @@ let fetchedAt = -Infinity;
 let planned = 0;
 let isFinished = false;
 
-// A lost connection, a TypeError, is said where it is noticed.
+// A lost connection (a TypeError) is reported by the event source.
 function trouble(error) {
   if (!(error instanceof TypeError)) connection(error.message, true);
 }

@@ -20,7 +20,8 @@ pub async fn recommended(store: &Store) -> anyhow::Result<Approach> {
     let optima = Optima::read(store, &snapshot::problem(store).await?).await?;
     let best = optima.recommended();
     let best = best.context(
-        "no approach found a feasible design: name one with --approach and --infeasible",
+        "no optimum is recommended yet: none is feasible, fully verified and within all limits. Name an approach with \
+         --approach, and add --infeasible if it found no feasible design",
     )?;
     Ok(best.optimum.approach)
 }

@@ -123,7 +123,7 @@ pub struct CoordinatorStatus {
 /// A worker.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Worker {
-    /// The host's name.
+    /// The worker's machine and process, `MACHINE:PROCESS`.
     pub host: String,
     /// Number of leases that it computes at once.
     pub slots: u32,

@@ -5,6 +5,7 @@ mod reading;
 use std::cmp::Ordering;
 
 use ledger::Kind;
+use problem::file::Aim;
 use serde::{Deserialize, Serialize};
 use stages::optima::NoOptimum;
 use stages::stage::Stage;
@@ -50,8 +51,11 @@ pub struct Status {
     /// The rounds of infill; absent before the first one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub enrichment: Option<EnrichmentStatus>,
-    /// Name of the minimised measure, such as P90.
+    /// Name of the optimised measure, such as P90.
     pub measure: String,
+    /// Whether small or large values of the response are preferred.
+    #[serde(default)]
+    pub aim: Aim,
     /// The unit of the optima's criteria; empty for a number without one.
     pub unit: String,
     /// Chosen optima.
@@ -200,7 +204,8 @@ impl Status {
         let missing = match self.stage {
             Stage::Sample => {
                 let (samples, error) = self.missing();
-                Some(Backlog::Counted(Kind::Design, samples, error))
+                // With a precision, designs may need more samples, and nobody knows how many.
+                (samples > 0.0).then_some(Backlog::Counted(Kind::Design, samples, error))
             }
             Stage::Enrich => self
                 .enrichment
@@ -306,7 +311,8 @@ impl Status {
     }
 
     /// An estimate of the number of missing samples of the DoE, with its standard error. The share of designs that get
-    /// samples is assumed to be the same among the designs that have not been tried.
+    /// samples is assumed to be the same among the designs that have not been tried. The further samples that a precision may
+    /// ask for are not counted.
     #[must_use]
     pub fn missing(&self) -> (f64, f64) {
         let DesignCounts {

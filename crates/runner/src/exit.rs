@@ -25,14 +25,14 @@ pub const FILE_ACCESS: u8 = 4;
 pub const NO_STORE: u8 = 5;
 /// The store holds another campaign.
 pub const OTHER_CAMPAIGN: u8 = 6;
-/// The store is not an SQLite file.
+/// The store is not an SQLite file, or is another program's.
 pub const NOT_A_STORE: u8 = 7;
-/// The store is damaged, was removed while it was in use, has several names, or was written by a newer
-/// version of the program.
+/// The store is damaged, was removed while it was in use, lacks commits, has several names, or was written by
+/// another version of the program.
 pub const UNUSABLE_STORE: u8 = 8;
 /// Another coordinator has the store open, or another program has locked it.
 pub const STORE_LOCKED: u8 = 9;
-/// The listen address is in use or cannot be bound.
+/// The listen address or the access file is in use, or the address cannot be bound.
 pub const CANNOT_LISTEN: u8 = 10;
 /// No coordinator answers at the address, or has not for too long. Trying again may help.
 pub const UNREACHABLE: u8 = 11;
@@ -41,7 +41,7 @@ pub const UNREACHABLE: u8 = 11;
 pub const REFUSED: u8 = 12;
 /// The campaign ended with quarantined jobs, which the report names.
 pub const INCOMPLETE: u8 = 13;
-/// A signal stopped the program. The same command continues the work.
+/// The program stopped before the end of its work: by a signal, a drain or a time limit. The same command continues the work.
 pub const INTERRUPTED: u8 = 14;
 /// The gear pair of `coordinator simulate` is not simulable: no such pair exists, or its teeth lose
 /// contact. In a campaign: no design gets samples, because none is simulable or the constraints
@@ -216,10 +216,13 @@ pub const TABLE: [(u8, &str); 18] = [
     ),
     (NO_STORE, "no store at the given path"),
     (OTHER_CAMPAIGN, "the store holds another campaign"),
-    (NOT_A_STORE, "the store is not an SQLite file"),
+    (
+        NOT_A_STORE,
+        "the store is not an SQLite file, or is another program's",
+    ),
     (
         UNUSABLE_STORE,
-        "the store is damaged, was removed, has several names, or is of a newer version",
+        "the store is damaged, was removed, lacks commits, has several names, or is of another version",
     ),
     (
         STORE_LOCKED,
@@ -227,7 +230,7 @@ pub const TABLE: [(u8, &str); 18] = [
     ),
     (
         CANNOT_LISTEN,
-        "the listen address is in use or cannot be bound",
+        "the listen address or the access file is in use, or the address cannot be bound",
     ),
     (UNREACHABLE, "no coordinator answers; trying again may help"),
     (
@@ -240,7 +243,7 @@ pub const TABLE: [(u8, &str); 18] = [
     ),
     (
         INTERRUPTED,
-        "stopped by a signal; the same command continues",
+        "stopped before the end, by a signal, a drain or a time limit; the same command continues",
     ),
     (
         NOT_SIMULABLE,

@@ -132,7 +132,7 @@ impl<'a> Dependencies<'a> {
         self.state.derivations.get(&of.name())
     }
 
-    /// Whether the stored result, if there is one, was computed from other inputs.
+    /// Whether no result is stored, or one from other inputs.
     fn differs(&self, of: &DerivedResult, inputs: &str) -> bool {
         self.derivation(of).is_none_or(|held| held.inputs != inputs)
     }

@@ -19,7 +19,7 @@ const ABSURD: f64 = 1.0 / f64::EPSILON;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Scale {
     /// The median of the designs' medians.
-    center: f64,
+    centre: f64,
     /// Unit of the distance from it: the largest of its magnitude, the median distance of the designs' medians
     /// from it, and the median of the designs' interquartile ranges.
     unit: f64,
@@ -92,16 +92,16 @@ impl Scale {
             values.sort_by(f64::total_cmp);
             values.get(values.len().checked_sub(1)? / 2).copied()
         };
-        let center = median(&|one| one.median)?;
+        let centre = median(&|one| one.median)?;
         let within = median(&|one| one.interquartile)?;
-        let between = median(&|one| (one.median - center).abs())?;
-        let unit = center.abs().max(within).max(between);
-        (unit > 0.0).then_some(Self { center, unit })
+        let between = median(&|one| (one.median - centre).abs())?;
+        let unit = centre.abs().max(within).max(between);
+        (unit > 0.0).then_some(Self { centre, unit })
     }
 
-    /// Distance of a sample from the center, in units.
+    /// Distance of a sample from the centre, in units.
     fn distance(self, value: f64) -> f64 {
-        (value - self.center).abs() / self.unit
+        (value - self.centre).abs() / self.unit
     }
 
     /// Whether a sample is so far away that its design gets no response. A failed sample is not.

@@ -8,7 +8,7 @@ use ledger::StreamId;
 use problem::formulation::{Approach, Design, Problem};
 use store::Derivation;
 
-/// A point that gets verification samples.
+/// A point that gets verification or infill samples.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VerifyPoint {
     /// Its number as a stream and as the source of its random numbers.

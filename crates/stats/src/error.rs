@@ -30,8 +30,8 @@ pub enum Error {
         /// The number of samples.
         n: usize,
     },
-    /// All samples are equal, so no distribution can be compared with them.
-    #[error("all {n} samples equal {value}, a normality test needs samples that differ")]
+    /// All values are equal, and the statistic needs values that differ.
+    #[error("all {n} values equal {value}: they must differ")]
     Constant {
         /// The number of samples.
         n: usize,

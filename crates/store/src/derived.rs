@@ -162,8 +162,7 @@ pub(crate) async fn remove(
     Ok(Receipt::default())
 }
 
-/// Removes results that stand for failures: infinite samples, and criteria and evaluations that have one or whose
-/// reason begins with `reason`. A run continues from its first removed evaluation. The receipt counts the removed rows.
+/// Removes what [`Store::remove_failures`](crate::Store::remove_failures) says. The receipt counts the removed rows.
 pub(crate) async fn remove_failures(
     connection: &mut Connection<'_>,
     reason: &str,

@@ -7,8 +7,8 @@ use sqlx::error::BoxDynError;
 use sqlx::sqlite::{SqliteTypeInfo, SqliteValueRef};
 use sqlx::{Decode, Sqlite, Type};
 
-/// The sum modulo 2²⁵⁶ of the SHA-256 hashes of samples, each read as a little-endian number. The hashed bytes are the
-/// indices of stream and sample as 64-bit little-endian integers and the bits of the sample's values, little-endian.
+/// The digest that [`Store::samples_digest`](crate::Store::samples_digest) defines, with the number of any stream in the
+/// place of the design.
 ///
 /// A sum does not depend on the order of the samples, and it can be updated sample by sample in the
 /// transactions that store them; a hash over the whole table in order could not. The price is that

@@ -32,13 +32,13 @@
 //! | commits that are missing because the log was cut or an older copy was put back | the number of commits in the lock file |
 //! | a file that is removed or replaced while it is open | device and inode numbers |
 //!
-//! All but the last are compared when the file is opened, the digests also whenever a row is read.
+//! All but the last are compared when the file is opened: above 64 MiB in the background, and the number of commits only
+//! for a coordinator. The digests are also compared whenever a row is read.
 //! The digests detect accidents such as a flipped bit or an edited file. They do not protect against
 //! deliberate edits that adapt them.
 //!
-//! Negative zero loses its sign: SQLite stores -0.0 as 0.0, so both count as 0.0 everywhere,
-//! including in digests and in comparisons with stored rows. Numbers that are not finite are
-//! refused.
+//! Negative zero loses its sign: SQLite stores -0.0 as 0.0, so both count as 0.0 in single
+//! numbers and in samples, digests and comparisons with stored rows included. NaN is refused.
 //!
 //! # Fail points
 //!

@@ -33,7 +33,7 @@ pub fn open_own_file(path: &Path, beside: Option<&Path>) -> io::Result<File> {
 
 fn denied(what: &str) -> io::Error {
     let what = format!(
-        "{what}: run this as the owner of the files, or remove it unless another coordinator uses it"
+        "{what}: run this command as the owner of the files, or remove this file if no other coordinator uses it"
     );
     io::Error::new(io::ErrorKind::PermissionDenied, what)
 }
@@ -90,7 +90,7 @@ mod tests {
             let error = open_own_file(&name, None).unwrap_err();
             assert_eq!(error.kind(), io::ErrorKind::PermissionDenied);
             let said = error.to_string();
-            assert!(said.contains(what) && said.contains("remove it"), "{said}");
+            assert!(said.contains(what) && said.contains("remove this file"), "{said}");
             fs::remove_file(&name)
                 .or_else(|_| fs::remove_dir(&name))
                 .unwrap();

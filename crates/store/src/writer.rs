@@ -174,7 +174,10 @@ impl Task {
         let batches = group.len();
         let (group, acks): (Vec<Change>, Vec<Ack>) = group.into_iter().unzip();
         let answers = match self.transaction(&group).await {
-            Ok(answers) => answers,
+            Ok(answers) => {
+                tracing::debug!(batches, rows, "group committed");
+                answers
+            }
             Err(error) => {
                 if let Some(connection) = self.connection.take() {
                     // Closing rolls back. Its error would only repeat the first one.
@@ -183,7 +186,6 @@ impl Task {
                 vec![Err(error); batches]
             }
         };
-        tracing::debug!(batches, rows, "group committed");
         for (ack, answer) in acks.into_iter().zip(answers) {
             // A caller that stopped waiting submits again, and its rows then count as duplicates.
             let _ = ack.send(answer);

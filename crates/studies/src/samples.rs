@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// prepares the design again.
 const PIECE: usize = 500;
 
-/// Verification samples of ΔSTE, µm, as many as every optimum of the campaign gets. All designs get the same
+/// Verification samples of ΔSTE, µm, as many as every optimum of the campaign gets first. All designs get the same
 /// random numbers.
 ///
 /// # Errors

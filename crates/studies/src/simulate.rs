@@ -17,7 +17,7 @@ mod page;
 mod text;
 
 use cases::{CaseFigures, Cases};
-pub use exchange::{Imported, import};
+pub use exchange::{PairImport, import};
 pub use page::{Subject, write_page};
 pub use text::describe;
 
@@ -97,7 +97,7 @@ pub struct Figures {
     hertz_pressure_mpa: f64,
     root_stress_mpa: [f64; 2],
     notch_parameter_in_range: [bool; 2],
-    iso_6336: Rated,
+    iso_6336: StrengthFigures,
     pair_stiffness_n_per_mm_um: f64,
     ste_um: Curve,
     delta_ste_um: f64,
@@ -213,7 +213,7 @@ impl Scatter {
 
 /// Stresses and safeties by ISO 6336, method B, with the factors of the file's `[strength]`; see [`gear::rating`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-struct Rated {
+struct StrengthFigures {
     /// Edition of ISO 6336-3.
     edition: rating::Edition,
     /// K_A, K_v, K_Hβ and K_Hα.
@@ -232,7 +232,7 @@ struct Rated {
     flank_safety: [f64; 2],
 }
 
-impl Rated {
+impl StrengthFigures {
     fn of(pair: &Pair, strength: &rating::Strength) -> Self {
         let factors = &strength.factors;
         let rating = rating::rate(pair, 1.0, factors);
@@ -425,7 +425,7 @@ fn figures(
         hertz_pressure_mpa: analysis.hertz_pressure_mpa,
         root_stress_mpa: [roots[0].stress_mpa, roots[1].stress_mpa],
         notch_parameter_in_range: [roots[0].in_range, roots[1].in_range],
-        iso_6336: Rated::of(pair, &file.material.strength(file.strength)),
+        iso_6336: StrengthFigures::of(pair, &file.material.strength(file.strength)),
         pair_stiffness_n_per_mm_um: pair.pitch_stiffness(),
         ste_um: Curve {
             phase: analysis.phases,

@@ -33,7 +33,7 @@ pub use range::{Range, Size};
 
 /// The best design of a size.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sized {
+pub struct SizeResult {
     pub size: Size,
     /// The best feasible design, if the searches met one.
     pub best: Option<Solution>,
@@ -45,7 +45,7 @@ pub struct Sized {
 type Listed = (Column, &'static str, fn(&Dimensions) -> Option<Cell>);
 
 /// The dimensions besides the module that some of the sizes list.
-fn listed_dimensions(all: &[Sized]) -> Vec<Listed> {
+fn listed_dimensions(all: &[SizeResult]) -> Vec<Listed> {
     let columns: [Listed; 3] = [
         (Column::number("face_width_mm"), "face width, mm", |one| {
             one.face_width_mm.map(Cell::from)
@@ -70,10 +70,10 @@ fn listed_dimensions(all: &[Sized]) -> Vec<Listed> {
 /// # Errors
 ///
 /// A search fails.
-pub fn run(sizes: Vec<Size>, top: usize) -> anyhow::Result<Vec<Sized>> {
-    let searched: anyhow::Result<Vec<Sized>> = sizes.into_par_iter().map(search).collect();
+pub fn run(sizes: Vec<Size>, top: usize) -> anyhow::Result<Vec<SizeResult>> {
+    let searched: anyhow::Result<Vec<SizeResult>> = sizes.into_par_iter().map(search).collect();
     let mut all = searched?;
-    let criterion = |one: &Sized| {
+    let criterion = |one: &SizeResult| {
         one.best
             .as_ref()
             .map_or(f64::INFINITY, |best| best.criterion)
@@ -98,13 +98,13 @@ pub fn run(sizes: Vec<Size>, top: usize) -> anyhow::Result<Vec<Sized>> {
     // The percentile of a search is biased, because the search chose its design by the same samples. Verification
     // samples therefore order the best `top` sizes.
     let first = top.min(all.len());
-    let judged = |one: &Sized| one.verified.map_or(f64::INFINITY, |measure| measure.value);
+    let judged = |one: &SizeResult| one.verified.map_or(f64::INFINITY, |measure| measure.value);
     all[..first].sort_by(|a, b| judged(a).total_cmp(&judged(b)));
     Ok(all)
 }
 
 /// The best design of one size over the campaign's starts.
-fn search(size: Size) -> anyhow::Result<Sized> {
+fn search(size: Size) -> anyhow::Result<SizeResult> {
     let problem = Problem::new(size.campaign.clone());
     let base = finished::searched_base(&problem)?;
     let mut best: Option<Solution> = None;
@@ -124,7 +124,7 @@ fn search(size: Size) -> anyhow::Result<Sized> {
             best = Some(found);
         }
     }
-    Ok(Sized {
+    Ok(SizeResult {
         size,
         best,
         verified: None,
@@ -137,7 +137,11 @@ fn search(size: Size) -> anyhow::Result<Sized> {
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_tables(out: &Path, campaign: &Campaign, all: &[Sized]) -> anyhow::Result<Document> {
+pub fn write_tables(
+    out: &Path,
+    campaign: &Campaign,
+    all: &[SizeResult],
+) -> anyhow::Result<Document> {
     let figures = all_figures(campaign, all);
     write_file(out, "sizing.csv", figures.csv()?)?;
     let measure = campaign.measure_name();
@@ -177,7 +181,7 @@ pub fn write_tables(out: &Path, campaign: &Campaign, all: &[Sized]) -> anyhow::R
 }
 
 /// The warnings about the verified designs, each with the pairs that it is about, as Markdown.
-fn doubts(all: &[Sized]) -> String {
+fn doubts(all: &[SizeResult]) -> String {
     let mut about: Vec<(String, Vec<String>)> = Vec::new();
     for (place, one) in (1..).zip(all) {
         let (Some(best), Some(_)) = (&one.best, one.verified) else {
@@ -200,7 +204,7 @@ fn doubts(all: &[Sized]) -> String {
     about.iter().map(line).collect()
 }
 
-fn summary(campaign: &Campaign, all: &[Sized]) -> PageTable {
+fn summary(campaign: &Campaign, all: &[SizeResult]) -> PageTable {
     let measure = campaign.measure_name();
     let dimensions = listed_dimensions(all);
     let searched = format!("{measure} in the search, µm");
@@ -245,7 +249,7 @@ fn summary(campaign: &Campaign, all: &[Sized]) -> PageTable {
     table
 }
 
-fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {
+fn all_figures(campaign: &Campaign, all: &[SizeResult]) -> Table {
     let problem = Problem::new(campaign.clone());
     let names = problem.variables().iter().map(|variable| &*variable.name);
     let measures = campaign.sampling.measure_columns();
@@ -282,7 +286,7 @@ fn all_figures(campaign: &Campaign, all: &[Sized]) -> Table {
 
 /// The best size for each number of pinion teeth, as a line for each module. Other dimensions are those of the best
 /// size.
-fn lines(all: &[Sized]) -> Vec<PercentileSeries> {
+fn lines(all: &[SizeResult]) -> Vec<PercentileSeries> {
     let mut modules: Vec<Option<f64>> = all
         .iter()
         .map(|one| one.size.dimensions.normal_module_mm)

@@ -5,7 +5,7 @@
 //!
 //! The model takes two lists: the variables of a design in the campaign's units, and the standard normal coefficients
 //! of its random wear and deviations of manufacture. It gives two lists: the sampled responses, and the deterministic
-//! ones. Coefficients of zero are Archard's wear.
+//! ones. Coefficients of zero are the mean wear.
 
 use problem::formulation::{Design, Problem};
 use problem::simulator::{NoAnswer, Simulator as _, State};
@@ -92,7 +92,7 @@ impl Model {
             named.collect::<Vec<_>>().join(", ")
         };
         format!(
-            "input 1   {}\ninput 2   {} standard normal coefficients of the random wear and deviations; zeros are Archard's wear\n\
+            "input 1   {}\ninput 2   {} standard normal coefficients of the random wear and deviations; zeros are the mean wear\n\
              output 1  {}\noutput 2  {}\n",
             listed(self.problem.variables()),
             self.coefficients,

@@ -101,7 +101,7 @@ async fn compute_shard(
     }
 }
 
-/// The machine's name and the process id, for display.
+/// The machine's name and the process id, as [`Options::host`] wants them.
 fn host() -> String {
     format!("{}:{}", runner::worker::machine(), std::process::id())
 }

@@ -5,7 +5,7 @@ complete -c worker -l connect -d 'The coordinator\'s address, if it differs from
 complete -c worker -l slots -d 'Number of jobs to compute at once [default: the number of processors]' -r
 complete -c worker -l exec -d 'The simulator of a campaign whose [simulator] is "external": a command for `sh -c`' -r
 complete -c worker -l exec-timeout -d 'Seconds that the external simulator may take for one answer [default: the campaign\'s, or 600]' -r
-complete -c worker -l template -d 'The template of the external simulator\'s input file, with {name} for each variable and {seed}: the command is then run once for each request, in a new folder ($OLDPWD is the folder of this program)' -r -F
+complete -c worker -l template -d 'The template of the external simulator\'s input file, with {name} for each variable and {seed} or, with [[random]], {name} for each random input: the command is then run once for each request, in a new folder ($OLDPWD is the folder of this program)' -r -F
 complete -c worker -l result -d 'The result file that the external simulator writes: lines of name = value, or a JSON object' -r -F
 complete -c worker -l um-bridge -d 'The address of a UM-Bridge server, http://HOST:PORT, whose model is the simulator; repeated for servers that are alike' -r
 complete -c worker -l shard -d 'Compute a shard written by `coordinator plan`, without a coordinator; needs --out' -r -F

@@ -33,7 +33,7 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 0)]
     first: u64,
     /// The kind of campaign of every round: plain, precise, enriched, grown, external, licence,
-    /// problem, files, sharded
+    /// problem, files, sharded, alone
     /// [default: drawn]
     #[arg(long, value_name = "KIND", value_parser = kind)]
     kind: Option<Kind>,

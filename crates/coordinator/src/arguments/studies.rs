@@ -32,7 +32,8 @@ pub(crate) struct Sweep {
     /// Accept stores on a network file system, whose locks and syncs may be unreliable
     #[arg(long)]
     pub(crate) allow_network_store: bool,
-    /// Number of workers to start in this process [default: the number of processors]
+    /// Number of workers to start in this process [default: the processors divided by
+    /// simulator.processors]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(crate) workers: Option<u16>,
     #[command(flatten)]

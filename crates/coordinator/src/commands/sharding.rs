@@ -66,7 +66,7 @@ impl HasExitCode for MergeError {
 struct PlanResult {
     stage: String,
     shards: Vec<PathBuf>,
-    /// Number of designs, points or runs.
+    /// Number of jobs, each a run or a range of samples.
     units: usize,
     report: Option<PathBuf>,
 }

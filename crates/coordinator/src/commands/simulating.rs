@@ -45,7 +45,7 @@ pub(super) fn simulate(arguments: &arguments::Simulate) -> Result<u8, ProgramErr
     if text.trim_start().starts_with('<') {
         let pair = arguments.pair.display();
         return Err(WrongFile(format!(
-            "{pair} is XML, not a pair file: if it is REXS, `coordinator import {pair} > pair.toml` makes one of it"
+            "{pair} is XML, not a pair file: if it is REXS, `coordinator import {pair} > pair.toml` converts it"
         ))
         .into());
     }

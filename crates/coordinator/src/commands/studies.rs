@@ -18,14 +18,16 @@ use tracing::{info, warn};
 
 use super::modelling::interruptible;
 use super::output_folder::OutputFolder;
-use super::{Usage, campaign_file, local_workers, print_either, processors, refuse_network_store};
+use super::{
+    Usage, campaign_file, local_workers, print_either, refuse_network_store, workers_or_default,
+};
 use crate::arguments;
 use crate::progress::Progress;
 
 /// `coordinator sweep`: a campaign for each number of teeth, then the table of them all.
 pub(super) async fn sweep(arguments: arguments::Sweep) -> Result<u8, ProgramError> {
     let campaign = parse(&arguments.campaign)?;
-    let count = arguments.workers.unwrap_or_else(processors);
+    let count = workers_or_default(arguments.workers, &campaign);
     let workers = local_workers(
         &campaign,
         Some(&arguments.campaign),

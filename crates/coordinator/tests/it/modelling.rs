@@ -244,7 +244,7 @@ fn bad_tables_and_models_are_refused_by_file_line_and_column() {
     refused(
         &predict("m.json"),
         3,
-        &["no column b, but", "are a_mm, b;", "no inputs are B"],
+        &["no column b, but", "are a_mm, b;", "other columns are B"],
     );
     assert_eq!(std::fs::read(sandbox.path("kept.json")).unwrap(), b"kept");
 }

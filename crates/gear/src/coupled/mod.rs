@@ -18,9 +18,8 @@
 //! # Accuracy and range
 //! The constants were fitted to finite elements of 36 gears of steel (ν = 0.3; they scale with 1/E). On 24 pairs that
 //! were not used for the fit ΔSTE differs from finite elements by 4 % in the median and 15 % at the 95th percentile,
-//! with 96 phases by 3 % and 13 %. The range is: solid bodies, 15 to 80 teeth, faces of 2 to 14 modules, helix angles
-//! up to 35°, rack angles from 17.5° to 25°, profile shifts up to 0.6. The errors are largest for faces of less than
-//! 2.5 modules at 25° and more.
+//! with 96 phases by 3 % and 13 %. The range is that of [`Range`](crate::Range), for solid bodies. The errors are largest
+//! for faces of less than 2.5 modules at 25° and more.
 //!
 //! Left out: friction, the pressure of edges (at tip corners and at the ends of the face), rims, webs and
 //! shafts, and the effect of the load of a sample on the approach of its contact (0.13 % of ΔSTE).

@@ -3,8 +3,8 @@
 use gear::inspection::{Allowances, Limits, Sheet, relief_length};
 use gear::rating::{self, Factors};
 use gear::{
-    Corrections, Discretisation, Material, Member, Pair, PairInput, ReliefShape, TipRelief,
-    ToothModel, UnloadedPair,
+    Corrections, Discretisation, Material, Member, Pair, PairInput, PlainSum, ReliefShape,
+    TipRelief, ToothModel, UnloadedPair,
 };
 
 use crate::general::plain;
@@ -73,6 +73,21 @@ fn each_gear_has_the_compliance_of_its_material() {
             assert!((q / expected - 1.0).abs() < 1e-9, "{model}: {q} {expected}");
         }
     }
+}
+
+/// The plain sum of whole teeth has the approach of both surfaces, too.
+#[test]
+fn the_plain_sum_has_both_materials() {
+    let pair = pair(&PairInput {
+        tooth_model: ToothModel::WholeFaceBeam,
+        material: [STEEL, PLASTIC],
+        ..plain()
+    });
+    let worn = pair.archard(&crate::support::WEAR);
+    let gap = vec![0.0; worn.s.len()];
+    let sum = PlainSum::new(&pair, &worn.s, [8192, 256]).delta_ste_um(&gap);
+    let ratio = pair.unworn().delta_ste_um / sum;
+    assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
 }
 
 /// The transmission error does not depend on which gear is called the pinion: seen from the other gear, the path of

@@ -69,8 +69,8 @@ impl Model {
     /// too: never for fewer than 44 points, and seldom when the residuals are mostly noise. For a
     /// right model, a factor below 1 has a probability of one in a hundred.
     ///
-    /// Models of fewer than 10 points are returned as they are. Costs an inverse, n³
-    /// multiplications.
+    /// Models of fewer than 10 points are returned as they are. Costs the inverse of
+    /// a factor, n³/6 multiplications.
     #[must_use]
     pub fn calibrated(mut self) -> Self {
         self.calibration = factor(&self.residuals_of_points().0);

@@ -68,9 +68,7 @@ impl Coordinates {
             .collect()
     }
 
-    /// The groups of points that are nearly the same: in no coordinate do neighbours differ by more than a
-    /// thousandth of its range, nor by more than a thousandth of the spacing, extent/n^(1/d), that
-    /// the points would have on a grid.
+    /// The groups of points that are nearly the same, as [`LeaveOneOut`](super::LeaveOneOut) defines it.
     pub(crate) fn near_groups(&self, kernel: Kernel) -> Vec<Vec<usize>> {
         const NEARLY: f64 = 1e-3;
         let Some(n) = self.columns.first().map(Vec::len) else {

@@ -21,7 +21,8 @@ pub fn page(
         size.name()
     );
     let notes = [
-        "Times are CPU times. They vary by a few percent from run to run; errors are the same in every run.",
+        "Times are CPU times, except in the studies Runner and Cores, which measure elapsed time. Times vary by a few \
+         percent from run to run; errors are the same in every run.",
     ];
     TradeoffPage {
         campaign: campaign.name.clone(),

@@ -20,7 +20,7 @@ pub enum Kind {
     Contact,
     /// Estimators of the percentile.
     Percentile,
-    /// Estimators of the percentile on responses that are not normal.
+    /// Estimators of the percentile on responses of known distributions.
     Estimators,
     /// Kriging models of the percentile.
     Kriging,

@@ -15,7 +15,8 @@ const STIFFEST_GPA: f64 = 1000.0;
 const FACE_WIDTH_MM: [f64; 2] = [0.5, 1000.0];
 /// Wear in µm above which no flank of a usual module is left.
 const DEEPEST_WEAR_UM: f64 = 1000.0;
-/// Variance of the wear's field, whose mean is 1, above which more than 1 % of the depths are negative.
+/// Variance of the wear's multiplier, whose mean is 1, above which more than 1 % of the multipliers are negative and
+/// count as zero.
 const MOST_VARIANCE: f64 = 0.18;
 /// Amount of a correction in µm below which it cannot be made.
 const LEAST_CORRECTION_UM: f64 = 0.5;
@@ -120,8 +121,9 @@ fn of_sections(material: &Materials, wear: &Wear, face_width_mm: f64) -> Vec<Str
     }
     if wear.variance > MOST_VARIANCE {
         warnings.push(format!(
-            "wear.variance is {}: the wear depth has a standard deviation of {:.2} times its mean and is often \
-             negative, which adds material: 0.01, the variance of the 2009 paper, is 10 %",
+            "wear.variance is {}: the wear depth has a standard deviation of {:.2} times its mean, and its random \
+             multiplier is often negative, which counts as no wear and raises the mean: 0.01, the variance of the 2009 \
+             paper, is 10 %",
             wear.variance,
             wear.variance.sqrt()
         ));

@@ -142,8 +142,8 @@ impl Campaign {
             .is_some_and(|sections| sections.report.compare_with_paper)
     }
 
-    /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key order, nor on the place
-    /// of the program and the number of attempts after failures.
+    /// SHA-256 of the campaign's content as hex. It does not depend on comments, layout and key order, nor on
+    /// `[budget]`, nor on the keys of `[simulator]` besides `kind` and `probe_designs`.
     #[must_use]
     pub fn digest(&self) -> String {
         let mut content = self.clone();
@@ -181,8 +181,8 @@ impl Campaign {
 
     /// Whether this campaign is a larger version of `held`: more designs, more samples per design or more verification
     /// samples, more approaches, an enrichment or a larger budget for it, other limits of the response, another measure
-    /// of it, or another model with the same kernel, and everything else the same. The samples taken for `held` are
-    /// then part of this campaign.
+    /// of it, or another model with the same kernel, and everything else that the [digest](Self::digest) depends on
+    /// the same. The samples taken for `held` are then part of this campaign.
     #[must_use]
     pub fn extends(&self, held: &Self) -> bool {
         let sizes = |campaign: &Self| [campaign.doe.designs, campaign.sampling.samples_per_design];
@@ -314,7 +314,11 @@ impl Campaign {
             if budget < first {
                 warnings.push(format!(
                     "enrichment.samples is {budget}: the DoE alone can take {first}, which leaves \
-                     little or nothing for infill"
+                     little or nothing for infill{}",
+                    match self.sampling.skip_violation() {
+                        Some(_) => ", unless sampling.skip_violation leaves many designs out",
+                        None => "",
+                    }
                 ));
             }
         }

@@ -123,7 +123,7 @@ impl PairCorrections {
         if let Some(diameters) = self.tip_relief_diameter_mm {
             let key = "corrections.tip_relief_diameter_mm";
             let is_alone = is_relieved && self.tip_relief_length_mm.is_none();
-            let expected = "absent beside tip_relief_length_mm and without tip_relief_um";
+            let expected = "absent beside tip_relief_length_mm, and absent without tip_relief_um";
             source.require(is_alone, key, diameters, expected)?;
             let mut diameters = diameters.into_iter();
             diameters.try_for_each(|diameter| source.length(key, diameter))?;
@@ -251,7 +251,8 @@ impl PairCorrections {
 }
 
 /// A length in µm, without the last digits that the conversion to mm and back leaves.
-fn micrometres(mm: f64) -> f64 {
+#[must_use]
+pub fn micrometres(mm: f64) -> f64 {
     (1e12 * mm).round() / 1e9
 }
 

@@ -35,7 +35,7 @@ pub struct GearSections {
     pub frozen: Option<FrozenSection>,
     /// `[constraints]`
     pub constraints: GearLimits,
-    /// The keys of `[optimise]` that set the penalised objective.
+    /// `[penalty]`
     pub penalty: Penalty,
     /// `[report]`
     pub report: Report,

@@ -26,7 +26,7 @@ pub struct Load {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadCase {
-    /// Name in tables, of letters, digits and underscores; the case's number if absent.
+    /// Name in tables, of letters, digits and underscores; `case_1`, `case_2`, … if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Torque on the pinion, N·m; that of `[load]` if absent.

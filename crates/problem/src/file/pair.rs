@@ -31,14 +31,14 @@ pub struct PairFile {
     #[serde(default = "wear::default", with = "wear")]
     #[schemars(with = "wear::WearSection")]
     pub wear: gear::Wear,
-    /// `[manufacture]`, optional. Without it the gears have no slope deviations.
+    /// `[manufacture]`, optional. Without it the flanks are as designed and the shafts parallel.
     pub manufacture: Option<Manufacture>,
     /// `[allowances]`, optional. Without it the data sheet has nominal thicknesses alone.
     pub allowances: Option<Allowances>,
     /// `[corrections]`, optional. Without it the flanks are as cut by the tools.
     pub corrections: Option<PairCorrections>,
-    /// `[constraints]`, optional. Without it the limits are those of the material, and no
-    /// interference.
+    /// `[constraints]`, optional. Without it the contact pressure is limited by the material's σ_Hlim, and
+    /// the teeth must not interfere.
     pub constraints: Option<GearLimits>,
 }
 
@@ -169,7 +169,7 @@ impl PairFile {
         let grid = gear::Discretisation::of(input.tooth_model);
         let pair = gear::UnloadedPair::new(&input, &corrections, &grid);
         let error = match pair {
-            Ok(pair) => return of_relief(&pair, source),
+            Ok(pair) => return of_relief(&pair, self.corrections.as_ref(), source),
             Err(gear::Error::Input(error)) => error,
             Err(_) => return Ok(()),
         };
@@ -310,17 +310,34 @@ impl PairSection {
 }
 
 /// Requires that the tip relief leaves some of the path of contact.
-fn of_relief(pair: &gear::UnloadedPair, source: Source<'_>) -> Result<(), FileError> {
+fn of_relief(
+    pair: &gear::UnloadedPair,
+    section: Option<&PairCorrections>,
+    source: Source<'_>,
+) -> Result<(), FileError> {
     let [start, end] = pair.geometry().path_left();
-    let reliefs = pair.corrections().tip_relief;
-    let expected = format!(
-        "at most {:.3} mm, the length of the path of contact",
-        end - start
-    );
-    reliefs.into_iter().flatten().try_for_each(|relief| {
-        let key = "corrections.tip_relief_length_mm";
-        source.require(relief.length <= end - start, key, relief.length, &expected)
-    })
+    let path = end - start;
+    let diameters = section.and_then(|section| section.tip_relief_diameter_mm);
+    let reliefs = pair.corrections().tip_relief.into_iter().enumerate();
+    for (i, relief) in reliefs.filter_map(|(i, relief)| Some((i, relief?))) {
+        let length = relief.length;
+        let (key, value, expected) = match diameters {
+            Some(diameters) => (
+                "corrections.tip_relief_diameter_mm",
+                diameters[i],
+                format!(
+                    "greater: it makes the relief {length:.3} mm long, longer than the path of contact of {path:.3} mm"
+                ),
+            ),
+            None => (
+                "corrections.tip_relief_length_mm",
+                length,
+                format!("at most {path:.3} mm, the length of the path of contact"),
+            ),
+        };
+        source.require(length <= path, key, value, &expected)?;
+    }
+    Ok(())
 }
 
 /// Requires at least one of the two ways to give a pair's size.

@@ -51,7 +51,7 @@ pub struct Sampling {
 pub enum FailedSamples {
     /// A failed sample counts as worse than every other: with 5 % of them P90 is the percentile of the
     /// others at 0.9/0.95, and a probability counts them as bad. A design has a percentile as long as that level is
-    /// below 1. It has no mean, and no other measure that a sample changes by its size.
+    /// below 1. A design with a failed sample has no mean, no mean plus standard deviations and no superquantile.
     #[default]
     Worst,
     /// The measure is that of the samples that have not failed.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 #[serde(transparent)]
 pub struct Design(Vec<f64>);
 
-/// The deterministic criteria of a design in one state, in the order of
+/// The criteria of a design in one state, in the order of
 /// [`Problem::criteria`](super::Problem::criteria).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]

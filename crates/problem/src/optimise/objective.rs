@@ -219,7 +219,7 @@ fn ranked(problem: &Problem, evaluated: Option<&Assessment>) -> Evaluation {
         },
         |Assessment { found, violation }| Evaluation {
             value: problem.cost(found.criterion),
-            // On the boundary the violation is zero, but the inequalities are strict.
+            // On a limit the violation is zero, but the constraint may be broken.
             violation: if found.feasible {
                 0.0
             } else {

@@ -300,7 +300,7 @@ fn ruled_out(problem: &Problem, design: &Design, responses: &[f64]) -> Option<St
     let baseline = problem.analysis(design, responses, State::Baseline)?;
     let criteria = &baseline.criteria;
     let violation = problem.violation(criteria);
-    // On the boundary the violation is zero, but the inequalities are strict. A violation that is
+    // On a limit the violation is zero, but the constraint may be broken. A violation that is
     // NaN is reported as such and not as a violated constraint.
     let is_out = violation > limit || violation == 0.0 && !problem.is_feasible(criteria);
     if !is_out {

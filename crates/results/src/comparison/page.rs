@@ -18,8 +18,8 @@ pub(super) fn markdown(report: &Report, scores: &[Score], own: &Score) -> String
         page,
         "Written by `coordinator compare` from the campaign “{}”: {} designs of {} samples, seed \
          {}, program version {}. Samples digest `{}`. As in the paper, the percentiles of Tables 1 and 5 \
-         follow from {} verification samples by equation (8). Other percentiles are order statistics of at \
-         least 4000 samples.\n",
+         follow from {} verification samples by equation (8), and those of Table 3 from the samples of each design. \
+         Other percentiles are order statistics of at least 4000 samples.\n",
         snapshot.campaign.name,
         campaign.doe.designs,
         campaign.sampling.samples_per_design,

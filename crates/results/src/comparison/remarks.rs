@@ -13,7 +13,7 @@ pub(super) fn remark(place: &str, quantity: &str) -> Option<&'static str> {
          stress alone, with the fillet radius of its tool in the notch factor, is nearer to the printed \
          values: the root mean square of ln(ours/paper) over Figures 6 to 10 is then 0.14 instead of 0.52."
     } else if about("SD") {
-        "Not explained. The SDs of Table 1 #1, #3 and #4 agree within a tenth."
+        "Not explained. The SDs of Table 1 #1, #3 and #4 agree within an eighth."
     } else if starts("Table 1 #4") {
         "With Archard's law and stiff teeth, ΔSTE stays below half of the printed value. The signed law \
          brings it to 0.8 times the printed value, and to 0.99 times with prismatic beams."
@@ -25,7 +25,7 @@ pub(super) fn remark(place: &str, quantity: &str) -> Option<&'static str> {
          give 0.357 µm, but fit the worn designs worse."
     } else if starts("Figure 8") && about("kriging") {
         "The printed value is a prediction; the paper's own 500 samples give 3.37 µm. Ours is the \
-         percentile from 500 samples."
+         verified percentile of the printed design, not a prediction."
     } else if starts("Figure 8") {
         "Not explained. Slices with the same law of wear come within 20 % of the printed value."
     } else if starts("Figure 9") {

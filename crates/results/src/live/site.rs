@@ -2,8 +2,8 @@
 //!
 //! The status has a lock of its own, and all other views share one, so a site holds at most two of
 //! the store's reading connections, however many pages are open. A view is cached for half a
-//! second, and for twenty times as long as it took to make: a large store costs at most a twentieth
-//! of a processor.
+//! second at least, and for twenty times as long as it took to make, so that each view takes at most a twentieth of a
+//! processor.
 
 use std::collections::BTreeMap;
 use std::fmt;

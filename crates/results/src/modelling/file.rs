@@ -136,7 +136,7 @@ impl ModelFile {
         }
         if inputs.len() != surrogate.dimensions() {
             return Err(wrong(format!(
-                "inputs has {} entries, but must have {}, as the model has coordinates",
+                "inputs has {} entries, but the model has {} coordinates",
                 inputs.len(),
                 surrogate.dimensions()
             )));

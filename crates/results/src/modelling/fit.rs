@@ -14,7 +14,8 @@ pub struct Request {
     /// The column of the observations' noise variances, in units of the response squared; without one
     /// the known noise is zero.
     pub variance: Option<String>,
-    /// The columns of the inputs. If none are named, all other columns with different numbers are inputs.
+    /// The columns of the inputs. If none are named, all other columns with different numbers are inputs,
+    /// unless they count the rows.
     pub inputs: Option<Vec<String>>,
     /// Whether rows in which a column of the model has no value are left out instead of refused.
     pub skip_missing: bool,
@@ -201,7 +202,7 @@ fn choose(table: &Table, request: &Request) -> Result<Columns, Error> {
 fn reason_against(table: &Table, position: usize) -> Option<String> {
     match table.content(position) {
         Content::Numbers if table.counts_rows(position) => {
-            Some("it counts the rows; --inputs takes it as an input".to_owned())
+            Some("it counts the rows; name it in --inputs to use it".to_owned())
         }
         Content::Numbers => None,
         Content::Constant(value) => Some(format!("constant, {value} in all rows")),

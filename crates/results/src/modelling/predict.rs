@@ -74,7 +74,7 @@ pub fn predict(
         let unknown = if unused.is_empty() {
             String::new()
         } else {
-            format!("; no inputs are {}", unused.join(", "))
+            format!("; its other columns are {}", unused.join(", "))
         };
         let message = format!(
             "has no column {}, but the model's inputs are {}{unknown}",
@@ -313,7 +313,7 @@ mod tests {
             "at.csv",
             "no column a_mm",
             "are a_mm, b",
-            "no inputs are A_mm",
+            "other columns are A_mm",
         ] {
             assert!(error.contains(part), "no {part:?} in {error}");
         }

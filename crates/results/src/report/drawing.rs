@@ -26,7 +26,7 @@ const FACE_PARTS: usize = 20;
 /// Drawings and curves of a pair.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Illustration {
-    /// P90 on a finer grid less P90 on the campaign's grid, from the same wear, µm.
+    /// The measure on a finer grid less that on the campaign's grid, from the same wear, µm.
     pub grid_difference_um: Option<f64>,
     /// The gears in mesh.
     pub drawing: GearDrawing,
@@ -196,8 +196,8 @@ pub fn drawing(pair: &gear::Pair) -> GearDrawing {
     }
 }
 
-/// The relieved flanks of all teeth, magnified by a round factor so that the greatest relief is about a seventh of a
-/// module deep.
+/// The relieved flanks of all teeth, magnified by a round factor so that the greatest relief is at most 0.15
+/// modules deep.
 fn magnified_relief(pair: &gear::Pair) -> Option<MagnifiedRelief> {
     let amounts = pair.corrections().tip_relief.into_iter().flatten();
     let amount = amounts.map(|relief| relief.amount).fold(0.0, f64::max);

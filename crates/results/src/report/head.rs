@@ -32,14 +32,19 @@ pub(super) fn missing(status: &Status) -> Vec<String> {
     } else {
         Some("no optimum verified yet".to_owned())
     };
-    [
-        of(designs, "designs sampled"),
+    let missing: Vec<String> = [
+        of(designs, "designs simulated"),
         of(status.optimiser_runs, "optimiser runs done"),
         verified,
     ]
     .into_iter()
     .flatten()
-    .collect()
+    .collect();
+    match missing.is_empty() {
+        // Between two rounds of an enrichment, for example.
+        true => vec![format!("the stage “{}” has not ended", status.stage)],
+        false => missing,
+    }
 }
 
 /// The main inputs of the campaign file, and the duration of the campaign.

@@ -13,7 +13,7 @@
 //! points per path element; and gear outlines need the same writer anyway.
 //!
 //! Units are those of the field names: µm for transmission errors and wear, mm for lengths, MPa for
-//! stresses, radians for roll angles, degrees for the helix angle.
+//! stresses, degrees for angles.
 
 mod atlas;
 pub mod charts;

@@ -53,6 +53,7 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
         .filter(|row| row.kind == store::FailureKind::Quarantine)
         .map(names::failed_job)
         .collect();
+    quarantined.sort();
     quarantined.dedup();
     if !quarantined.is_empty() {
         notes.push(format!(
@@ -65,7 +66,7 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
     }
     notes.push(format!(
         "The contact pressure of the approach “{}” is that of unworn flanks; the other designs are judged by the \
-         pressure on flanks with Archard’s wear.",
+         pressure on flanks with the mean wear.",
         approach_name(&snapshot.problem, Approach::Nominal)
     ));
     if campaign.is_external() {
@@ -78,8 +79,8 @@ pub(super) fn notes(snapshot: &Snapshot) -> Vec<String> {
     notes
 }
 
-/// A note for each optimum whose teeth have no tip land left: no constraint of the paper asks for one, and
-/// the slenderness of such tips makes their ΔSTE depend on how the beam model ends.
+/// A note for each optimum whose teeth have no tip land left, which no constraint of the paper requires: such tips are so
+/// slender that ΔSTE depends on how the beam model ends.
 fn pointed_tips(snapshot: &Snapshot) -> Vec<String> {
     let mut notes = Vec::new();
     for verified in snapshot.optima.iter() {
@@ -92,14 +93,14 @@ fn pointed_tips(snapshot: &Snapshot) -> Vec<String> {
             continue;
         };
         let pointed = pair.geometry().pointed;
-        let who = match pointed {
+        let (who, have) = match pointed {
             [false, false] => continue,
-            [true, false] => "The pinion of",
-            [false, true] => "The mate of",
-            [true, true] => "Both gears of",
+            [true, false] => ("The pinion of", "has"),
+            [false, true] => ("The mate of", "has"),
+            [true, true] => ("Both gears of", "have"),
         };
         notes.push(format!(
-            "{who} the optimum “{}” has pointed teeth: the constraints ask for no tip land. Its \
+            "{who} the optimum “{}” {have} pointed teeth: no constraint requires a tip land. Its \
              ΔSTE depends on where the beam model cuts off the vanishing tip; shortened to a \
              usual tip land, such a pair loses much of what it gained.",
             optimum.approach.name()

@@ -56,7 +56,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyh
         if open > 0 {
             warnings.push(format!(
                 "The campaign ended without samples of {open} designs: their jobs were quarantined, or samples were discarded \
-                 since. The same command computes them, and all that follows from them."
+                 since. `coordinator run` or `serve` computes them, and all results that depend on them."
             ));
         }
     }
@@ -90,6 +90,7 @@ pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyh
         unfinished_runs: unfinished_runs(store, problem).await?,
         enrichment,
         measure: campaign.measure_name(),
+        aim: problem.aim(),
         unit: problem.measured().unit.to_string(),
         optima,
         failures: progress.failures,

@@ -81,8 +81,10 @@ impl Engine {
         waits_for_workers: bool,
     ) -> anyhow::Result<Option<CampaignEnd>> {
         let mut watch = Stopwatch::new(&self.store).await?;
-        let ended = self.stages(shutdown, waits_for_workers, &mut watch).await?;
-        watch.stop().await?;
+        let ended = self.stages(shutdown, waits_for_workers, &mut watch).await;
+        let stopped = watch.stop().await;
+        let ended = ended?;
+        stopped?;
         Ok(ended)
     }
 
@@ -147,6 +149,7 @@ impl Engine {
                 let step = self.do_step(step, &next.inputs, base.as_ref(), more);
                 tokio::select! {
                     done = step => done?,
+                    error = watch.keep() => return Err(error.into()),
                     // The step's results are lost: it stores them only at its end.
                     () = shutdown.cancelled() => return Ok(None),
                 }
@@ -165,6 +168,7 @@ impl Engine {
             }
             tokio::select! {
                 () = settled => repeats.forget(),
+                error = watch.keep() => return Err(error.into()),
                 () = self.board.drained() => return Ok(None),
                 () = shutdown.cancelled() => return Ok(None),
             }

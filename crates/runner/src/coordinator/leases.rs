@@ -75,19 +75,19 @@ fn job(crash: &Crash) -> String {
 fn failure(crash: Crash) -> FailureRow {
     let (kind, error) = match (crash.quarantined, crash.record.is_alone) {
         (true, _) => {
-            error!(job = %job(&crash), worker = %crash.worker, "too many workers crashed on it: quarantined");
+            error!(job = %job(&crash), worker = %crash.worker, "too many workers crashed on this job: quarantined");
             (
                 FailureKind::Quarantine,
-                "its workers crashed while they computed it",
+                "too many workers crashed while computing this job",
             )
         }
         (false, true) => (
             FailureKind::Crash,
-            "its worker crashed while it computed it",
+            "the worker crashed while computing this job",
         ),
         (false, false) => (
             FailureKind::Crash,
-            "its worker crashed while it held this and other jobs, any of which may be the cause",
+            "the worker crashed while it had leases of this and other jobs, any of which may be the cause",
         ),
     };
     FailureRow {

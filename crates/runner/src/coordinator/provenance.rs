@@ -5,8 +5,8 @@ use std::time::SystemTime;
 /// (label, value) pairs for [`results::report::write()`].
 #[must_use]
 pub fn labels() -> Vec<(String, String)> {
-    let machine = rustix::system::uname();
-    let system = [machine.sysname(), machine.release(), machine.machine()];
+    let name = rustix::system::uname();
+    let system = [name.sysname(), name.release(), name.machine()];
     let system = system.map(|part| part.to_string_lossy().into_owned());
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
     [
@@ -15,7 +15,7 @@ pub fn labels() -> Vec<(String, String)> {
             "Machine",
             format!(
                 "{} ({}, processors: {processors})",
-                machine.nodename().to_string_lossy(),
+                crate::worker::machine(),
                 system.join(" "),
             ),
         ),

@@ -272,7 +272,10 @@ async fn run_open(
             break Err(taken);
         }
         let labels = crate::coordinator::provenance::labels();
-        let report = report::write(store, &plan.out, &labels).await?;
+        let report = match report::write(store, &plan.out, &labels).await {
+            Ok(report) => report,
+            Err(error) => break Err(error.into()),
+        };
         info!(report = %report.display(), "report written");
         if !engine.board.finish(retries) {
             continue;

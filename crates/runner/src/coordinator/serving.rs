@@ -168,17 +168,16 @@ impl RunningServer {
         &self.hang_up
     }
 
-    /// Waits for the first failure of a worker of this process; never returns if there is none.
+    /// Waits for the first failure of the server or of a worker of this process; never returns if there is none.
     pub(crate) async fn failed(&mut self) -> anyhow::Error {
-        while let Some(ended) = self.workers.join_next().await {
-            let error = match ended {
-                Ok(Ok(_)) => continue,
-                Ok(Err(error)) => anyhow::Error::from(error),
-                Err(panic) => anyhow::Error::from(panic),
-            };
-            return error.context("a worker of this process");
+        tokio::select! {
+            ended = &mut self.server => match ended {
+                Ok(Err(error)) => error.context("the port"),
+                Ok(Ok(())) => anyhow::anyhow!("the port was closed"),
+                Err(panic) => anyhow::Error::from(panic).context("the port"),
+            },
+            error = failed_worker(&mut self.workers) => error,
         }
-        std::future::pending().await
     }
 
     /// Ends the workers of this process and the port. The access file is removed when the work is
@@ -194,11 +193,28 @@ impl RunningServer {
         }
         self.hang_up.cancel();
         // Connections still open are cut: their workers reconnect.
-        let _ = tokio::time::timeout(Duration::from_secs(2), self.server).await;
+        if !self.server.is_finished() {
+            let _ = tokio::time::timeout(Duration::from_secs(2), self.server).await;
+        }
         if let (true, Some(issuer)) = (is_finished, self.issuer) {
             issuer.remove();
         }
     }
+}
+
+/// Waits for the first failure of a worker of this process; never returns if there is none.
+async fn failed_worker(
+    workers: &mut JoinSet<Result<crate::worker::Summary, crate::worker::Error>>,
+) -> anyhow::Error {
+    while let Some(ended) = workers.join_next().await {
+        let error = match ended {
+            Ok(Ok(_)) => continue,
+            Ok(Err(error)) => anyhow::Error::from(error),
+            Err(panic) => anyhow::Error::from(panic),
+        };
+        return error.context("a worker of this process");
+    }
+    std::future::pending().await
 }
 
 /// The place of notes beside a store: see [`Options::journal`](crate::worker::Options::journal).

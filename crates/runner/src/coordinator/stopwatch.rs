@@ -18,6 +18,8 @@ pub(crate) struct Stopwatch {
     current: Option<Stage>,
     /// The stage that is measured, and when its time was stored last.
     running: Option<(Stage, Instant)>,
+    /// [`STORED_EVERY`].
+    every: Duration,
 }
 
 impl Stopwatch {
@@ -30,6 +32,7 @@ impl Stopwatch {
             stored: rows.map(|row| (row.stage, row.wall_seconds)).collect(),
             current: current.and_then(|name| Stage::named(&name)),
             running: None,
+            every: STORED_EVERY,
         })
     }
 
@@ -48,20 +51,32 @@ impl Stopwatch {
         self.measure(None).await
     }
 
+    /// Stores the time of the current stage again and again, and returns only with an error.
+    pub(crate) async fn keep(&mut self) -> store::Error {
+        loop {
+            tokio::time::sleep(self.every).await;
+            if let Err(error) = self.measure(self.running.map(|(stage, _)| stage)).await {
+                return error;
+            }
+        }
+    }
+
     async fn measure(&mut self, stage: Option<Stage>) -> Result<(), store::Error> {
         let now = Instant::now();
         if let Some((last, since)) = self.running {
             let elapsed = now - since;
-            if stage == Some(last) && elapsed < STORED_EVERY {
+            if stage == Some(last) && elapsed < self.every {
                 return Ok(());
             }
+            // Before the store is awaited: a caller may stop waiting, and no time counts twice.
+            self.running = stage.map(|stage| (stage, now));
             let seconds = self.stored.entry(last.to_string()).or_default();
             *seconds += elapsed.as_secs_f64();
             let row = StageTimeRow {
                 stage: last.to_string(),
                 wall_seconds: *seconds,
             };
-            self.store.put_stage_time(&row).await?;
+            return self.store.put_stage_time(&row).await;
         }
         self.running = stage.map(|stage| (stage, now));
         Ok(())
@@ -75,9 +90,7 @@ mod tests {
 
     use super::*;
 
-    #[tokio::test]
-    async fn stages_add_up_over_coordinators() {
-        let folder = tempfile::tempdir().unwrap();
+    async fn store(folder: &std::path::Path) -> Store {
         let campaign = CampaignRow {
             name: "paper".to_owned(),
             file_text: Campaign::PAPER.to_owned(),
@@ -86,8 +99,40 @@ mod tests {
             program_version: "0".to_owned(),
             model_digest: None,
         };
-        let path = folder.path().join("s.db");
-        let store = Store::create_or_open(&path, &campaign).await.unwrap();
+        Store::create_or_open(&folder.join("s.db"), &campaign)
+            .await
+            .unwrap()
+    }
+
+    /// A coordinator that is killed while a stage takes hours has stored all but the last interval.
+    #[tokio::test]
+    async fn the_time_of_a_long_stage_is_stored_while_it_runs() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path()).await;
+        let mut watch = Stopwatch::new(&store).await.unwrap();
+        watch.every = Duration::from_millis(20);
+        watch.enter(Stage::Sample).await.unwrap();
+        let stored = async {
+            loop {
+                let times = store.stage_times().await.unwrap();
+                if times.iter().any(|row| row.wall_seconds >= 0.1) {
+                    return times;
+                }
+                tokio::time::sleep(Duration::from_millis(10)).await;
+            }
+        };
+        let times = tokio::select! {
+            times = stored => times,
+            error = watch.keep() => panic!("{error}"),
+        };
+        assert_eq!(times.len(), 1, "{times:?}");
+        store.close().await.unwrap();
+    }
+
+    #[tokio::test]
+    async fn stages_add_up_over_coordinators() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(folder.path()).await;
         let held = StageTimeRow {
             stage: "sample".to_owned(),
             wall_seconds: 5.0,

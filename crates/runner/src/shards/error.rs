@@ -39,6 +39,12 @@ pub enum Error {
         path.display()
     )]
     OtherShard { path: PathBuf, theirs: String },
+    #[error(
+        "{} holds results of a simulator that gives other numbers: compute the shard with the same program, or choose \
+         another file with --out",
+        path.display()
+    )]
+    OtherSimulator { path: PathBuf },
 }
 
 impl Error {
@@ -54,7 +60,7 @@ impl HasExitCode for Error {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Io { .. } | Self::OtherShard { .. } => exit::FILE_ACCESS,
-            Self::Build { .. } => exit::REFUSED,
+            Self::Build { .. } | Self::OtherSimulator { .. } => exit::REFUSED,
             Self::NotAShard { .. } | Self::NotAPart { .. } | Self::Damaged { .. } => exit::BAD_FILE,
         }
     }

@@ -197,6 +197,11 @@ impl PartWriter {
             write_whole(path, line.as_bytes()).map_err(&error)?;
         }
         let held = Part::read(path)?;
+        if held.header.model_digest != header.model_digest && held.header.plan == header.plan {
+            return Err(Error::OtherSimulator {
+                path: path.to_owned(),
+            });
+        }
         if held.header != header {
             return Err(Error::OtherShard {
                 path: path.to_owned(),

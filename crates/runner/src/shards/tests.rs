@@ -180,14 +180,13 @@ fn a_part_of_another_shard_is_left_as_it_is() {
     let path = folder.path().join("1.part");
     part_of_three(&path);
     let before = fs::read(&path).unwrap();
-    for (shard, model) in [
-        (deal(5, 1).remove(0), "model"),
-        (deal(4, 1).remove(0), "other"),
-    ] {
-        let error = PartWriter::open(&path, &shard, model).unwrap_err();
-        assert!(matches!(error, Error::OtherShard { .. }), "{error}");
-        assert_eq!(fs::read(&path).unwrap(), before);
-    }
+    let error =
+        |designs, model| PartWriter::open(&path, &deal(designs, 1).remove(0), model).unwrap_err();
+    let other = error(5, "model");
+    assert!(matches!(other, Error::OtherShard { .. }), "{other}");
+    let other = error(4, "other");
+    assert!(matches!(other, Error::OtherSimulator { .. }), "{other}");
+    assert_eq!(fs::read(&path).unwrap(), before);
 }
 
 #[test]

@@ -28,6 +28,6 @@ pub use work::{Options, Summary, Worker};
 /// The name of this machine. The host of a worker is this name, a colon and the process.
 #[must_use]
 pub fn machine() -> String {
-    let name = std::fs::read_to_string("/etc/hostname");
-    name.map_or_else(|_| "unknown".to_owned(), |name| name.trim().to_owned())
+    let machine = rustix::system::uname();
+    machine.nodename().to_string_lossy().into_owned()
 }

@@ -47,7 +47,7 @@ pub struct Options {
     pub slots: usize,
     /// The external simulator, for a campaign that is not simulated by the built-in model.
     pub exec: Option<Exec>,
-    /// The name of the worker's machine, for display.
+    /// The machine and the process of the worker, `MACHINE:PROCESS`. Failures are attributed by the machine.
     pub host: String,
     /// Time limit of the first contact with the coordinator.
     pub connect_timeout: Duration,
@@ -199,7 +199,7 @@ impl Worker {
             unable = shared.unable() => Err(unable),
         };
         stop.cancel();
-        // From here on, no unit is to blame if this worker is killed.
+        // From here on, the end of this worker counts as no crash.
         shared.journal.remove();
         let asked = tokio::time::Instant::now();
         if let Ok(End::Dismissed) = end {

@@ -35,8 +35,8 @@ pub fn write_tables(
         "# {}: {} of ΔSTE against the {}\n\n\
          {} designs of the DoE satisfy the constraints other than that on {} (below {} MPa). The \
          table has their front by the samples of the campaign, the optima, and the results of \
-         searches; intervals are of 95 %. A design is on the front if no other one is better in both \
-         by verification samples.\n\n{}",
+         searches; intervals are of 95 %. A design is on the front if no other one is at least as good in both \
+         and better in one, by verification samples where there are any.\n\n{}",
         problem.campaign().name,
         problem.campaign().measure_name(),
         against.label(),

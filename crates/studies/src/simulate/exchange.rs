@@ -10,7 +10,7 @@ use super::Subject;
 
 mod rexs;
 
-pub use rexs::{Imported, import};
+pub use rexs::{PairImport, import};
 
 /// Points on each involute and each fillet of a profile and of an outline.
 const POINTS: usize = 40;

@@ -120,11 +120,13 @@ pub(super) fn rows(figures: &Figures, wear: WearChoice) -> Vec<(String, String)>
                 format!("±{um} µm (three standard deviations)"),
             );
         }
-        let left_out = match scatter.helix_slope_tolerance_um {
-            Some(_) => "pitch and form deviations, dynamics",
-            None => "pitch, form and helix deviations, dynamics",
+        let slopes = match (&scatter.flank_class, scatter.helix_slope_tolerance_um) {
+            (None, _) => "profile and helix slopes, ",
+            (_, None) => "helix slopes, ",
+            _ => "",
         };
-        line("not in the random ΔSTE", left_out.to_owned());
+        let left_out = format!("{slopes}pitch and form deviations, dynamics");
+        line("not in the random ΔSTE", left_out);
     }
     if let (Some(mean), Some(sd), Some(p90)) = (figures.mean_um, figures.sd_um, figures.p90_um) {
         let interval = figures.p90_interval_um.map_or_else(

@@ -118,7 +118,7 @@ impl lab::tradeoff::Runner for Programs<'_> {
     }
 }
 
-/// Starts a program that may use only the first of this program's processors, or all of them.
+/// Starts a program on the first `processors` of this program's processors, or on all if `None`.
 fn spawn_on(program: &mut Command, processors: Option<usize>) -> anyhow::Result<Child> {
     let Some(processors) = processors else {
         return Ok(program.spawn()?);

@@ -20,8 +20,8 @@ pub(super) const ENTRIES: [Entry; 9] = [
         title: "The interval of m + z s under skewed samples",
         input: "4 to 30 samples of a normal, an exponential and a log-normal distribution, 4000 times each",
         instead: "The interval has a coverage of 95 % for normal samples only. For skewed samples m + z s converges to \
-                  another value, so that more samples do not help. “percentile = chosen” uses another estimator when the \
-                  samples are not normal.",
+                  another value, so that more samples do not help. “sampling.estimator = chosen” uses another estimator \
+                  when the samples are not normal.",
         check: skewed,
         ..Entry::blank(Method::Statistics)
     },
@@ -327,7 +327,7 @@ fn equal(outcome: &mut Outcome) -> Result<(), EntryError> {
         "mean and standard deviation are exact",
         mean_sd(&[0.1; 30])? == (0.1, 0.0),
     );
-    outcome.refused_with(lilliefors(&samples), "Constant", "all 30 samples equal 2.5");
+    outcome.refused_with(lilliefors(&samples), "Constant", "all 30 values equal 2.5");
     let choice = choose(&samples, &ChoiceRule::default())?.chosen;
     outcome.holds("m + z s is chosen", choice.method == Estimator::Normal);
     Ok(())

@@ -255,6 +255,11 @@ fn bad_values_are_refused_by_line_and_key_in_the_files_units() {
             "corrections.tip_relief_diameter_mm is 500.0, but must be from 104.1219 to below 124.8720 mm for the mate",
         ),
         (
+            "tip_relief_length_mm = [2.0, 1.5]",
+            "tip_relief_diameter_mm = [95.0, 123.0]",
+            "corrections.tip_relief_diameter_mm is 95.0, but must be greater: it makes the relief",
+        ),
+        (
             "face_width_mm = 10.0",
             "face_width_mm = [10.0, 11.0, 12.0]",
             "face_width_mm must be a number, or the numbers of pinion and mate, [b1, b2]",

@@ -8,7 +8,7 @@ use super::{GearCriteria, GearDetails};
 use crate::file::GearLimits;
 
 /// All constraints on a pair with these criteria. Without limits, the contact pressure
-/// must stay below the material's, and clearances and margins above 0. Limits on quantities that
+/// must stay below the material's, and clearances and margins must be at least 0. Limits on quantities that
 /// only [`GearDetails`] have need criteria with details.
 #[must_use]
 pub fn constraints(

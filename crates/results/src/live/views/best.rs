@@ -18,7 +18,7 @@ use super::chart::rows_of;
 pub struct BestView {
     /// Whether the campaign is finished. Before that, the result is not conclusive.
     pub finished: bool,
-    /// Name of the minimised measure, such as P90.
+    /// Name of the optimised measure, such as P90.
     pub measure: String,
     /// Name of the response, as pages show it.
     pub response: String,
@@ -84,7 +84,7 @@ pub fn best(
             "Verified with samples of its own; the campaign is not finished.".to_owned()
         }
         (None, Some(_)) => format!(
-            "Best so far, not verified: the least of {estimates} estimates is probably too low."
+            "Best so far, not verified: the best of {estimates} estimates is probably too good."
         ),
         (None, None) if estimates == 0 => "No design has its samples yet.".to_owned(),
         (None, None) => {

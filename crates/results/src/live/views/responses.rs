@@ -35,7 +35,7 @@ pub struct Responses {
     pub designs: usize,
     /// A selection of them, evenly spaced, of limited size. The best is always included.
     pub points: Vec<Point>,
-    /// The feasible design with the lowest measure.
+    /// The feasible design with the best measure.
     pub best: Option<u64>,
 }
 

@@ -22,7 +22,7 @@ pub fn pressure(curves: &PressureCurves) -> Result<Picture, Error> {
             0,
         ),
         (
-            "with Archard’s wear",
+            "with the mean wear",
             "the worn pressure curve",
             &curves.worn_mpa,
             Mark::Curve("8 3"),

@@ -92,7 +92,7 @@ pub fn convergence(title: &str, runs: &[OptimiserRun]) -> Result<Picture, Error>
 pub fn ste(curves: &SteCurves) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let worn = (
-        "with Archard’s wear",
+        "with the mean wear",
         "the worn STE curve",
         &curves.worn_um,
         Mark::Smooth("8 3"),
@@ -155,7 +155,7 @@ pub fn spectrum(curves: &SteCurves) -> Result<Picture, Error> {
     let mut series = Vec::new();
     let kinds = [
         ("unworn", &curves.unworn_um, 0),
-        ("with Archard’s wear", &curves.worn_um, 1),
+        ("with the mean wear", &curves.worn_um, 1),
     ];
     for (name, values, colour) in kinds {
         if values.is_empty() {

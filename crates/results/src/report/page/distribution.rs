@@ -30,7 +30,7 @@ impl DistributionView {
             // A probability is not a value of the response.
             measure: best
                 .measure
-                .filter(|_| problem.measured().unit == problem.objective().response.unit)
+                .filter(|_| !problem.campaign().sampling.objective.is_probability())
                 .map(|measure| (snapshot.measure_name(), measure.value)),
         };
         Ok(Some(Self {

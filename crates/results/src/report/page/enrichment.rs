@@ -98,8 +98,8 @@ fn outcome(enrichment: &Enrichment, measure: &str) -> String {
             "lies outside"
         };
         text += &format!(
-            " Verification samples give {}, which {lies} the interval that it gives for an estimate from \
-             that many, {}.",
+            " Verification samples give {}, which {lies} the interval that it expects for an estimate from \
+             as many samples, {}.",
             shown(verified),
             interval((low, high), 4),
         );

@@ -77,7 +77,7 @@ pub(super) fn check(numbers: &Numbers, wanted: &[&str], others: &[&str]) -> Resu
         return Err(match others {
             [] => format!("it has {name:?}, but no number was asked for"),
             _ => format!(
-                "it has {name:?}, which was not asked for; what may be there: {}",
+                "it has {name:?}, which was not asked for; allowed: {}",
                 others.join(", ")
             ),
         });
@@ -275,7 +275,7 @@ mod tests {
             ),
             (
                 r#"{"delta_ste_um": 0.1, "id": 7, "mood": 1}"#,
-                "\"mood\", which was not asked for; what may be there: delta_ste_um",
+                "\"mood\", which was not asked for; allowed: delta_ste_um",
             ),
             (
                 r#"{"delta_ste_um": 0.1, "delta_ste_um": 0.2, "id": 7}"#,

@@ -15,7 +15,7 @@ mod pair_text;
 mod read;
 mod xml;
 
-pub use read::{Imported, import};
+pub use read::{PairImport, import};
 
 /// Identifier, unit and value; the value of a quantity that does not exist is not a number.
 type Attribute = (&'static str, &'static str, f64);

@@ -48,11 +48,6 @@ pub(super) struct Sizes {
     tip_diameter: Option<[f64; 2]>,
 }
 
-/// A length in µm, without the last digits that the conversion to mm and back leaves.
-pub(super) fn micrometres(mm: f64) -> f64 {
-    (1e12 * mm).round() / 1e9
-}
-
 /// Adds a line with a key. Writing to a string does not fail.
 pub(super) fn line(section: &mut String, key: &str, value: &dyn Debug) {
     let _ = writeln!(section, "{key} = {value:?}");

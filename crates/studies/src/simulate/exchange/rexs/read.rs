@@ -6,17 +6,17 @@
 use anyhow::{Context as _, bail, ensure};
 use gear::Rack;
 use problem::PairFile;
-use problem::file::{FaceWidth, Grade};
+use problem::file::{FaceWidth, Grade, micrometres};
 use roxmltree::{Document, Node};
 
-use super::pair_text::{Corrections, Pair, SAME_MM, Sizes, line, micrometres};
+use super::pair_text::{Corrections, Pair, SAME_MM, Sizes, line};
 use super::xml::{
     ANGLE, Components, LENGTH, NUMBER, PRESSURE, TORQUE, Units, named, number, required, text,
 };
 
 /// A pair file from REXS.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Imported {
+pub struct PairImport {
     /// The text of the pair file, whose comments are the notes.
     pub toml: String,
     /// Defaults, and parts of the file that are not read, a sentence each.
@@ -32,7 +32,7 @@ const CONTACT_LIMIT_MPA: f64 = 1500.0;
 /// # Errors
 ///
 /// The text is not REXS, has another number or kind of stages, lacks a value without a default, or is not a valid pair.
-pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<Imported> {
+pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<PairImport> {
     let document = Document::parse(text).with_context(|| format!("{file} is not XML"))?;
     let root = document.root_element();
     let version = root.attribute("version").unwrap_or_default();
@@ -58,7 +58,7 @@ pub fn import(file: &str, text: &str, torque_nm: Option<f64>) -> anyhow::Result<
     let body = pair.text(sizes);
     PairFile::parse(&what, &body)?;
     let comments: String = notes.iter().map(|note| format!("# {note}\n")).collect();
-    Ok(Imported {
+    Ok(PairImport {
         toml: comments + &body,
         notes,
     })
