@@ -90,7 +90,10 @@ mod tests {
             let error = open_own_file(&name, None).unwrap_err();
             assert_eq!(error.kind(), io::ErrorKind::PermissionDenied);
             let said = error.to_string();
-            assert!(said.contains(what) && said.contains("remove this file"), "{said}");
+            assert!(
+                said.contains(what) && said.contains("remove this file"),
+                "{said}"
+            );
             fs::remove_file(&name)
                 .or_else(|_| fs::remove_dir(&name))
                 .unwrap();
