@@ -308,6 +308,24 @@ fn corrections_and_load_cases_go_through_a_campaign() {
     );
 }
 
+/// The searches on models keep the limit of a load case, too: no design keeps this one, and nothing is recommended. The
+/// measure has scores, which an approach without a design has none of.
+#[test]
+fn a_limit_of_a_load_case_that_no_design_keeps_leaves_no_optimum() {
+    let sandbox = Sandbox::new();
+    let cases = "[[load.cases]]\nname = \"worn\"\n[[load.cases]]\nname = \"new\"\nwear = 0.0\n\
+                 delta_ste_max_um = 1e-3\n[objective]\nmeasure = \"superquantile\"\n[material]";
+    let text = small_campaign(60, 8).replacen("[material]", cases, 1);
+    let file = sandbox.write("cases.toml", &text);
+    let run = ["run", file.to_str().unwrap(), "--db", "c.db", "--out", "r"];
+    let output = sandbox.coordinator(&run);
+    assert_code(&output, 16);
+    let said = String::from_utf8_lossy(&output.stdout);
+    let kriging = said.lines().find(|line| line.contains("kriging"));
+    assert!(kriging.is_some_and(|line| !line.contains("µm")), "{said}");
+    assert!(sandbox.path("r/report.html").exists());
+}
+
 #[test]
 fn a_signal_ends_a_study_that_leaves_nothing_behind() {
     let sandbox = Sandbox::new();

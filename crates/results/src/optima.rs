@@ -103,6 +103,8 @@ impl VerifiedLimit {
             None => "too few samples to tell".to_owned(),
             // `ResponseMeasure::confidence` returns 0.9999 at most.
             Some(confidence) if confidence > 0.9998 => "holds, confidence above 99.9 %".to_owned(),
+            // And 0.5 at least.
+            Some(confidence) if confidence <= 0.5 => "holds, confidence at most 50 %".to_owned(),
             // Rounded down: 94.99 % is not 95 %.
             Some(confidence) => {
                 let confidence = (1e3 * confidence).floor() / 1e3;

@@ -177,9 +177,8 @@ impl<'a> Marginal<'a> {
                 ..
             } => low + (high - low) * of.inverse_cdf(u),
             Distribution::Truncated { mean, sd, ends } => {
-                let [low, high] = ends.map(|end| standard.cdf((end - mean) / sd));
-                let inner = standard.inverse_cdf(low + (high - low) * u);
-                (mean + sd * inner).clamp(ends[0], ends[1])
+                let standardised = ends.map(|end| (end - mean) / sd);
+                (mean + sd * truncated_quantile(standardised, z)).clamp(ends[0], ends[1])
             }
             Distribution::Table(values) => {
                 let place = (u * values.len() as f64) as usize;
@@ -203,17 +202,42 @@ impl<'a> Marginal<'a> {
                 ..
             } => low + (high - low) * a / (a + b),
             Distribution::Truncated { mean, sd, ends } => {
-                let standard = Normal::standard();
-                let [low, high] = ends.map(|end| (end - mean) / sd);
-                let share = standard.cdf(high) - standard.cdf(low);
-                if share > 0.0 {
-                    mean + sd * (standard.pdf(low) - standard.pdf(high)) / share
-                } else {
-                    // Far out in a tail no probability is left in double precision.
-                    0.5 * (ends[0] + ends[1])
-                }
+                mean + sd * truncated_mean(ends.map(|end| (end - mean) / sd))
             }
             Distribution::Table(values) => values.iter().sum::<f64>() / values.len() as f64,
         }
     }
+}
+
+/// Distance from the mean, in standard deviations, beyond which a tail of the normal distribution is replaced by an
+/// exponential one. Their distances from the near end differ by about 1/30² of themselves.
+const TAIL: f64 = 30.0;
+
+/// The value at the score `z` of a standard normal variable that lies between the `ends`.
+fn truncated_quantile([low, high]: [f64; 2], z: f64) -> f64 {
+    if low > 0.0 {
+        // Only the lower tail has digits left far from the mean.
+        return -truncated_quantile([-high, -low], -z);
+    }
+    let standard = Normal::standard();
+    if high < -TAIL {
+        let covered = -f64::exp_m1(high * (high - low));
+        return high - f64::ln_1p(-standard.cdf(-z) * covered) / high;
+    }
+    let [low, high] = [low, high].map(|end| standard.cdf(end));
+    standard.inverse_cdf(low + (high - low) * standard.cdf(z))
+}
+
+/// The mean of a standard normal variable that lies between the `ends`.
+fn truncated_mean([low, high]: [f64; 2]) -> f64 {
+    if low > 0.0 {
+        return -truncated_mean([-high, -low]);
+    }
+    if high < -TAIL {
+        let decay = high * (high - low);
+        return high + 1.0 / high - (high - low) * f64::exp(decay) / f64::exp_m1(decay);
+    }
+    let standard = Normal::standard();
+    let share = standard.cdf(high) - standard.cdf(low);
+    (standard.pdf(low) - standard.pdf(high)) / share
 }

@@ -250,6 +250,9 @@ impl Measure {
 
     /// The score of every sample, whose mean is the measure.
     fn scores(&self, samples: &[f64]) -> Result<Vec<f64>, Error> {
+        if samples.is_empty() {
+            return Ok(Vec::new());
+        }
         let scores = |score: &dyn Fn(f64) -> f64| samples.iter().map(|y| score(*y)).collect();
         Ok(match *self {
             Self::Exceedance { limit } => scores(&|y| f64::from(u8::from(y > limit))),

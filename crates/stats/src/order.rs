@@ -91,6 +91,12 @@ pub fn paired_difference(
     let (Some(of_a), Some(of_b)) = (a.interval, b.interval) else {
         return Ok(None);
     };
+    let value = a.value - b.value;
+    if first.iter().zip(second).all(|(a, b)| a - b == value) {
+        // One is the other plus a constant, and so are the percentiles.
+        let interval = Some((value, value));
+        return Ok(Some(IntervalEstimate { n, value, interval }));
+    }
     let below = |samples: &[f64], value: f64| -> Vec<bool> {
         samples.iter().map(|sample| *sample <= value).collect()
     };
@@ -112,7 +118,6 @@ pub fn paired_difference(
     } else {
         0.0
     };
-    let value = a.value - b.value;
     if !value.is_finite() {
         // Apart from their order, infinite percentiles cannot be compared.
         let are_apart = of_a.0 > of_b.1 || of_b.0 > of_a.1;

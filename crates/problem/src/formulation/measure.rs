@@ -196,8 +196,8 @@ impl ResponseMeasure {
     }
 
     /// The confidence with which verification samples show that the measure keeps its limit: the greatest level of a
-    /// one-sided interval within the limit, from 0 to 0.9999, and 0 if the measure itself is beyond the limit. `None`
-    /// without a limit, or for too few samples.
+    /// one-sided interval within the limit, from 0.5 to 0.9999, where 0.5 stands for at most one half, and 0 if the
+    /// measure itself is beyond the limit. `None` without a limit, or for too few samples.
     #[must_use]
     pub fn confidence(&self, samples: &Samples) -> Option<f64> {
         self.limit?;

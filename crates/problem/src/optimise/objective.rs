@@ -391,8 +391,8 @@ impl Objective {
             return None;
         }
         if let Some(worn) = answer.worn {
-            feasible = problem.is_feasible(&worn);
-            criteria = worn;
+            criteria = problem.with_limited(&worn, &limited);
+            feasible = problem.is_feasible(&criteria);
         }
         let found = Solution {
             design,

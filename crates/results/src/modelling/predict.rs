@@ -89,7 +89,9 @@ pub fn predict(
     let points: Vec<Vec<f64>> = points.collect();
     let predictions = model.surrogate.predict_many(&points.concat())?;
     let rows = points.into_iter().zip(predictions).enumerate();
-    let ends = [0.5 - 0.5 * interval, 0.5 + 0.5 * interval];
+    // An upper level that rounds to 1 would be at infinity.
+    let upper = (0.5 + 0.5 * interval).min(1.0 - 0.5 * f64::EPSILON);
+    let ends = [0.5 - 0.5 * interval, upper];
     let surrogate = &model.surrogate;
     let rows = rows.map(|(row, (at, prediction))| {
         let observation = surrogate.observed(prediction, model.noise_variance);

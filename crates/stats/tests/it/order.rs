@@ -80,6 +80,18 @@ fn open_intervals_have_no_finite_difference() {
     );
 }
 
+/// A design against itself, and against one that is worse by the same in every sample.
+#[test]
+fn percentiles_of_samples_that_differ_by_a_constant_differ_by_it() {
+    // Multiples of 2⁻¹⁰, so that differences are exact.
+    let samples: Vec<f64> = (0..100).map(|i| f64::from(i * i) / 1024.0).collect();
+    let worse: Vec<f64> = samples.iter().map(|sample| sample + 0.5).collect();
+    for (second, expected) in [(&samples, 0.0), (&worse, -0.5)] {
+        let difference = paired_difference(&samples, second, 0.9, CONFIDENCE).unwrap();
+        assert_eq!(difference.unwrap().interval, Some((expected, expected)));
+    }
+}
+
 /// Samples that are all equal have a percentile, and an interval of no width.
 #[test]
 fn equal_samples_have_an_interval_of_one_point() {

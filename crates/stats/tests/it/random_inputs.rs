@@ -63,6 +63,40 @@ fn quantiles_and_moments_are_those_of_the_tables() {
     }
 }
 
+/// Beyond 8 standard deviations all values once were the far end. The median of X given a < X < b is that of an
+/// exponential variable beyond a, ln 2/a from it, less about ln 2/a³.
+#[test]
+fn a_normal_variable_cut_far_in_its_tail_stays_near_the_near_end() {
+    for a in [9.0, 20.0, 29.0, 31.0, 60.0] {
+        let far: f64 = 120.0;
+        let [above, below] = [[0.0, 1.0, a, far], [0.0, 1.0, -far, -a]]
+            .map(|parameters| Marginal::new(Family::TruncatedNormal, &parameters, &[]).unwrap());
+        let distance = above.quantile(0.0) - a;
+        assert!(
+            (distance * a / 2.0_f64.ln() - 1.0).abs() < 2.0 / (a * a),
+            "{a}: {distance}"
+        );
+        assert!(
+            (above.mean() - a) * a > 0.97 && (above.mean() - a) * a < 1.0 + 1e-9,
+            "{a}"
+        );
+        for z in [-3.0, -0.5, 0.0, 0.5, 3.0] {
+            assert_eq!(above.quantile(z), -below.quantile(-z), "{a} {z}");
+            assert!(
+                above.quantile(z) > a && above.quantile(z) < a + 1.0,
+                "{a} {z}"
+            );
+        }
+        assert_eq!(above.mean(), -below.mean());
+    }
+    // The two formulas meet at 30.
+    let at = |a: f64| {
+        let cut = Marginal::new(Family::TruncatedNormal, &[0.0, 1.0, a, 40.0], &[]).unwrap();
+        (cut.quantile(1.0) - a) * a
+    };
+    assert!((at(29.999) / at(30.001) - 1.0).abs() < 2e-3);
+}
+
 #[test]
 fn a_table_gives_its_values_with_equal_probabilities() {
     let values = [1.0, 2.0, 2.0, 7.0];
