@@ -346,10 +346,15 @@ pub(crate) struct Export {
     )]
     pub(crate) out: Option<PathBuf>,
     /// The approach whose optimum --pair writes [default: the recommended one]
-    #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair")]
+    #[arg(long, value_name = "APPROACH", value_parser = approach_of_name, requires = "pair", conflicts_with = "table")]
     pub(crate) approach: Option<Approach>,
     /// Write the design that violates the constraints least, where the approach found no feasible one
-    #[arg(long, requires = "pair", requires = "approach")]
+    #[arg(
+        long,
+        requires = "pair",
+        requires = "approach",
+        conflicts_with = "table"
+    )]
     pub(crate) infeasible: bool,
 }
 

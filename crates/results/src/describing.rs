@@ -39,8 +39,16 @@ pub fn describe(status: &Status) -> String {
     );
     let _ = writeln!(
         text,
-        "samples         {} ({} per design)",
-        samples.done, samples.per_design
+        "samples         {} ({}{} per design)",
+        samples.done,
+        // With a precision, designs get more.
+        match samples.done
+            > samples.per_design * designs.simulable.saturating_sub(designs.ruled_out)
+        {
+            true => "at least ",
+            false => "",
+        },
+        samples.per_design
     );
     let _ = writeln!(text, "samples digest  {}", status.samples_digest);
     let _ = writeln!(text, "verify digest   {}", status.point_samples_digest);

@@ -237,12 +237,18 @@ impl Objective {
         for (key, value, measures) in keys {
             let key = format!("{section}.{key}");
             match value {
-                Some(value) => source.require(
-                    measures.contains(&self.measure) && value.is_finite(),
-                    &key,
-                    value,
-                    &format!("a number beside measure = {}", listed(measures)),
-                )?,
+                Some(value) => {
+                    let is_used = measures.contains(&self.measure);
+                    let expected = match is_used {
+                        true => "a finite number".to_owned(),
+                        false => format!(
+                            "absent beside measure = {}: it belongs to measure = {}",
+                            listed(&[self.measure]),
+                            listed(measures)
+                        ),
+                    };
+                    source.require(is_used && value.is_finite(), &key, value, &expected)?;
+                }
                 // A missing level has a default.
                 None if measures == [self.measure] => {
                     let expected = format!("given beside measure = {}", listed(measures));

@@ -90,11 +90,11 @@ fn keys_that_a_measure_does_not_take_are_refused() {
         ("measure = \"exceedance\"", "objective.limit is missing"),
         (
             "measure = \"mean\"\nlevel = 0.9",
-            "beside measure = \"percentile\" or \"superquantile\"",
+            "absent beside measure = \"mean\": it belongs to measure = \"percentile\" or \"superquantile\"",
         ),
         (
             "measure = \"mean\"\nk = 2",
-            "objective.k is 2.0, but must be a number beside measure = \"mean-plus-sd\"",
+            "objective.k is 2.0, but must be absent beside measure = \"mean\": it belongs to measure = \"mean-plus-sd\"",
         ),
         (
             "measure = \"superquantile\"\nlevel = 1.0",

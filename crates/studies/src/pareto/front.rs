@@ -1,5 +1,7 @@
 //! The compared designs, and the front of the non-dominated ones.
 
+use std::collections::BTreeMap;
+
 use anyhow::Context as _;
 use problem::formulation::Problem;
 use problem::simulator::State;
@@ -7,7 +9,7 @@ use problem::{Design, GearCriteria};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
 use stats::IntervalEstimate;
-use store::{CriteriaRow, Store};
+use store::{CriteriaRow, ResponseRow, Store};
 
 use crate::direct::{self, Start};
 use crate::samples;
@@ -142,6 +144,11 @@ pub async fn of_doe(
             .ok()?;
         criteria.get(at)
     };
+    let mut limited: BTreeMap<u64, Vec<ResponseRow>> = BTreeMap::new();
+    // By number within each design, as the problem's limited measures are.
+    for row in store.limited_responses().await? {
+        limited.entry(row.design).or_default().push(row);
+    }
     let mut points = Vec::new();
     for response in store.responses().await? {
         let Some(design) = designs.get(response.design as usize) else {
@@ -152,7 +159,15 @@ pub async fn of_doe(
         let found = found.and_then(|row| problem.analysis(&design, row, State::Baseline));
         let Some(analysis) = found else { continue };
         let criteria = analysis.criteria.gears();
-        let constraints = problem.constraints(&analysis.criteria);
+        let rows = limited.get(&response.design).map_or(&[][..], Vec::as_slice);
+        let bounds = problem.limited().iter().zip(rows);
+        let bounds: Vec<f64> = bounds
+            .map(|(measure, row)| measure.bound(row.measure, row.measure_variance))
+            .collect();
+        if bounds.len() != problem.limited().len() {
+            continue;
+        }
+        let constraints = problem.constraints(&problem.with_limited(&analysis.criteria, &bounds));
         let mut others = constraints
             .iter()
             .filter(|constraint| constraint.name != against.constraint());
@@ -183,11 +198,14 @@ pub async fn of_doe(
     Ok(points)
 }
 
-/// The feasible optima of a finished campaign, in the order of the approaches.
+/// The feasible optima of a finished campaign that keep every limit on samples, in the order of the approaches.
 #[must_use]
 pub fn of_optima(optima: &Optima) -> Vec<Point> {
     let point = |verified: &VerifiedOptimum| {
         let found = verified.optimum.feasible()?;
+        if !verified.limits.iter().all(|limit| limit.holds) {
+            return None;
+        }
         let p90 = verified.measure.filter(|p90| p90.value.is_finite())?;
         Some(Point {
             source: Source::Optimum(verified.optimum.approach.name()),
