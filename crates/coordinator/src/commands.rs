@@ -11,7 +11,7 @@ use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use results::describing::describe;
 use results::new_file::NewFile;
-use results::status::{OptimumStatus, Status};
+use results::status::Status;
 use results::table::VersionedObject;
 use results::{comparison, pair_file, report, snapshot, status};
 use runner::coordinator::local::LocalWorkers;
@@ -360,10 +360,12 @@ fn code_of_finished(status: &Status) -> u8 {
     if status.designs.simulable == status.designs.ruled_out {
         warn!("finished, but no design got samples; the report says why");
         exit::NOT_SIMULABLE
-    } else if !status.optima.iter().any(OptimumStatus::is_verified) {
-        warn!(
-            "finished, but no approach found a feasible design with a verified measure; the report says why"
-        );
+    } else if status
+        .optima
+        .iter()
+        .all(|optimum| optimum.criterion.is_none())
+    {
+        warn!("finished, but no approach found a feasible design; the report says why");
         exit::NONE_FEASIBLE
     } else {
         exit::OK

@@ -190,19 +190,6 @@ pub struct OptimumStatus {
     pub behind: Option<Estimate>,
 }
 
-impl OptimumStatus {
-    /// Whether the design is feasible, its verified measure is a number, and its verification samples keep every limit.
-    #[must_use]
-    pub fn is_verified(&self) -> bool {
-        self.criterion.is_some()
-            && self
-                .measure
-                .as_ref()
-                .is_some_and(|measure| measure.value.is_finite())
-            && self.limits.iter().all(|limit| limit.holds)
-    }
-}
-
 impl Status {
     /// Adds the state of the running coordinator.
     #[must_use]
