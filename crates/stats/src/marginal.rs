@@ -210,7 +210,7 @@ impl<'a> Marginal<'a> {
 }
 
 /// Distance from the mean, in standard deviations, beyond which a tail of the normal distribution is replaced by an
-/// exponential one. Their distances from the near end differ by about 1/30² of themselves.
+/// exponential one. Their distances from the near end differ by about 2/30² of themselves.
 const TAIL: f64 = 30.0;
 
 /// The value at the score `z` of a standard normal variable that lies between the `ends`.

@@ -94,7 +94,7 @@ fn a_normal_variable_cut_far_in_its_tail_stays_near_the_near_end() {
         let cut = Marginal::new(Family::TruncatedNormal, &[0.0, 1.0, a, 40.0], &[]).unwrap();
         (cut.quantile(1.0) - a) * a
     };
-    assert!((at(29.999) / at(30.001) - 1.0).abs() < 2e-3);
+    assert!((at(29.999) / at(30.001) - 1.0).abs() < 3e-3);
 }
 
 #[test]
