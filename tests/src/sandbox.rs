@@ -276,7 +276,7 @@ impl RunningProgram {
     /// The program does not end in time.
     #[must_use]
     pub fn finish(mut self) -> (ExitStatus, String) {
-        // Read meanwhile: a program whose messages nobody reads stops when the pipe is full.
+        // Read while the program runs: it would wait for ever once the pipe is full.
         let errors = self.child.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut errors = String::new();

@@ -398,7 +398,8 @@ impl Material {
 ///
 /// Both numbers are minima: nodes and phases are added where the solution has kinks, and [`ToothModel::WholeFaceBeam`]
 /// takes twice as many cells. Errors fall with the square of both. The default, 64 cells and 32 phases, is off by at
-/// most 0.04 % of ΔSTE in the median and 0.17 % at the 95th percentile; the crate's front page has the table it was chosen from.
+/// most 0.04 % of ΔSTE in the median and 0.17 % at the 95th percentile; the crate's front page has the table that it was
+/// chosen from.
 /// [`ToothModel::Coupled`] costs more with every phase, and its [default](Self::of) is 24 phases.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Discretisation {

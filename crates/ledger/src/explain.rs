@@ -96,7 +96,9 @@ impl<P: Clone> Ledger<P> {
     /// The reasons why no work, or no more work, is being leased at `now`. Never empty; the most important comes first.
     /// A worker counts as present if it called within the length of a lease. `name` names a stream for users.
     pub fn explain(&self, now: Duration, name: impl Fn(StreamId) -> String) -> Vec<Explanation> {
-        let (free, leased) = (self.free.len(), self.leases.len());
+        // A coordinator that drains leases nothing more, so that nothing is free.
+        let free = if self.is_draining { 0 } else { self.free.len() };
+        let leased = self.leases.len();
         let open = self.streams.len() - self.quarantined.len();
         let mut reasons = Vec::new();
         if self.is_draining {
@@ -127,9 +129,7 @@ impl<P: Clone> Ledger<P> {
                     free,
                 });
             }
-            if self.is_draining {
-                // Nothing more is leased.
-            } else if leased > 0 && free > 0 {
+            if leased > 0 && free > 0 {
                 let workers = self.holders_of_leases().len();
                 reasons.push(Explanation::Running {
                     leased,

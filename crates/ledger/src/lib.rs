@@ -27,8 +27,9 @@
 //!    └───── released, expired, delivered in part
 //! ```
 //!
-//! [`Options::max_failures`] and [`Options::retry_for`] say which failures count against a sample. A stream whose attempts are used up is
-//! quarantined; a [tolerant](StreamDemand::is_tolerant) stream stores the failure as its result.
+//! [`Options::max_failures`] and [`Options::retry_for`] say which failures count against a sample. A
+//! stream whose attempts are used up is quarantined; a [tolerant](StreamDemand::is_tolerant) stream stores the
+//! failure as its result.
 //!
 //! # Invariants
 //!

@@ -204,7 +204,7 @@ impl Status {
         let missing = match self.stage {
             Stage::Sample => {
                 let (samples, error) = self.missing();
-                // With a precision, designs may need more samples, and nobody knows how many.
+                // Then designs need more samples for the precision: their number is not known.
                 (samples > 0.0).then_some(Backlog::Counted(Kind::Design, samples, error))
             }
             Stage::Enrich => self
@@ -311,8 +311,8 @@ impl Status {
     }
 
     /// An estimate of the number of missing samples of the DoE, with its standard error. The share of designs that get
-    /// samples is assumed to be the same among the designs that have not been tried. The further samples that a precision may
-    /// ask for are not counted.
+    /// samples is assumed to be the same among the designs that have not been tried. Further samples for a precision are
+    /// not counted.
     #[must_use]
     pub fn missing(&self) -> (f64, f64) {
         let DesignCounts {

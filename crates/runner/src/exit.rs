@@ -41,7 +41,8 @@ pub const UNREACHABLE: u8 = 11;
 pub const REFUSED: u8 = 12;
 /// The campaign ended with quarantined jobs, which the report names.
 pub const INCOMPLETE: u8 = 13;
-/// The program stopped before the end of its work: by a signal, a drain or a time limit. The same command continues the work.
+/// The program stopped before the end of its work: by a signal, a drain or a time limit. The same command continues
+/// the work.
 pub const INTERRUPTED: u8 = 14;
 /// The gear pair of `coordinator simulate` is not simulable: no such pair exists, or its teeth lose
 /// contact. In a campaign: no design gets samples, because none is simulable or the constraints

@@ -285,9 +285,9 @@ impl Store {
         self.put(Change::Removal(results.to_vec())).await.map(drop)
     }
 
-    /// Removes results that stand for failures, so that they are computed again: infinite samples, criteria whose reason begins with `reason`, and
-    /// evaluations with an infinite response or such a reason. A run continues from its first removed evaluation. Returns the
-    /// number of rows removed.
+    /// Removes results that stand for failures, so that they are computed again: infinite samples, criteria whose
+    /// reason begins with `reason`, and evaluations with an infinite response or such a reason. A run continues from its
+    /// first removed evaluation. Returns the number of rows removed.
     pub async fn remove_failures(&self, reason: &str) -> Result<u64, Error> {
         let receipt = self.put(Change::NoFailures(reason.to_owned())).await?;
         Ok(receipt.new_rows)

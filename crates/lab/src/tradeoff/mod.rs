@@ -7,8 +7,8 @@
 //! tables, so a table read from its CSV file gives the same page as when it was measured.
 //!
 //! Times are CPU times: of the calling thread if it alone computes, otherwise of the process. Other
-//! processes have little influence on them. The studies Runner and Cores measure elapsed time instead. Everything else depends only on the campaign and the
-//! [`Size`].
+//! processes have little influence on them. The studies Runner and Cores measure elapsed time instead. Everything else
+//! depends only on the campaign and the [`Size`].
 
 mod clock;
 mod contact;

@@ -61,8 +61,7 @@ impl Steps {
     }
 
     /// Computes the responses once every design has enough samples; until then, returns the designs
-    /// that need more. A quarantined design gets a response only
-    /// if it has the campaign's samples per design.
+    /// that need more. A quarantined design gets a response only if it has the campaign's samples per design.
     pub(crate) async fn compute_responses(
         &self,
         base: Option<&Design>,

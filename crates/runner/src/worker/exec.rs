@@ -67,8 +67,8 @@ pub struct SimulatorArguments {
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     exec_timeout: Option<Duration>,
     /// The template of the external simulator's input file, with {name} for each variable and
-    /// {seed} or, with [[random]], {name} for each random input: the command is then run once for each request, in a new folder ($OLDPWD is the
-    /// folder of this program)
+    /// {seed} or, with [[random]], {name} for each random input: the command is then run once for
+    /// each request, in a new folder ($OLDPWD is the folder of this program)
     #[arg(long, value_name = "FILE", requires_all = ["exec", "result"])]
     template: Option<PathBuf>,
     /// The result file that the external simulator writes: lines of name = value, or a JSON object
