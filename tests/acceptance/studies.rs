@@ -325,6 +325,20 @@ fn a_limit_of_a_load_case_that_no_design_keeps_leaves_no_optimum() {
     let kriging = said.lines().find(|line| line.contains("kriging"));
     assert!(kriging.is_some_and(|line| !line.contains("µm")), "{said}");
     assert!(sandbox.path("r/report.html").exists());
+    // Nor does a study show designs that break the limit.
+    let study = [
+        "pareto",
+        file.to_str().unwrap(),
+        "--db",
+        "c.db",
+        "--out",
+        "p",
+    ];
+    let output = sandbox.coordinator(&study);
+    assert_code(&output, 0);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(said.contains("0 designs of the DoE"), "{said}");
+    assert!(!said.contains("optimum of"), "{said}");
 }
 
 #[test]

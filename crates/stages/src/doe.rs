@@ -55,24 +55,31 @@ impl Doe {
         evaluated.collect()
     }
 
-    /// The designs that satisfy every constraint, by their numbers, with their criteria: those of the baseline state,
-    /// and the bounds of the measures that constraints limit.
+    /// The simulable designs by their numbers, with their criteria: those of the baseline state, and the bounds of the
+    /// measures that constraints limit. A design that lacks one of these measures is left out.
     #[must_use]
-    pub fn feasible(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, (Design, Criteria)> {
+    pub fn judged(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, (Design, Criteria)> {
         let estimates = self.estimates(problem);
         let none = Vec::new();
         let evaluated = self.evaluated(problem, base).into_iter();
-        let feasible = evaluated.filter_map(|(number, criteria)| {
+        let judged = evaluated.filter_map(|(number, criteria)| {
             let design = problem.design(&self.designs.get(number as usize)?.x, base);
             let estimates = match problem.limited() {
                 [] => &none,
                 _ => estimates.get(&number)?,
             };
             let criteria = problem.with_limited(&criteria, &bounds(problem, estimates));
-            let is_feasible = problem.is_feasible(&criteria);
-            is_feasible.then_some((number, (design, criteria)))
+            Some((number, (design, criteria)))
         });
-        feasible.collect()
+        judged.collect()
+    }
+
+    /// Those of the [judged](Self::judged) designs that satisfy every constraint.
+    #[must_use]
+    pub fn feasible(&self, problem: &Problem, base: &Design) -> BTreeMap<u64, (Design, Criteria)> {
+        let mut designs = self.judged(problem, base);
+        designs.retain(|_, (_, criteria)| problem.is_feasible(criteria));
+        designs
     }
 }
 

@@ -239,5 +239,10 @@ fn truncated_mean([low, high]: [f64; 2]) -> f64 {
     }
     let standard = Normal::standard();
     let share = standard.cdf(high) - standard.cdf(low);
-    (standard.pdf(low) - standard.pdf(high)) / share
+    if share > 0.0 {
+        ((standard.pdf(low) - standard.pdf(high)) / share).clamp(low, high)
+    } else {
+        // The ends are next to each other.
+        0.5 * (low + high)
+    }
 }

@@ -63,7 +63,7 @@ fn quantiles_and_moments_are_those_of_the_tables() {
     }
 }
 
-/// Beyond 8 standard deviations all values once were the far end. The median of X given a < X < b is that of an
+/// Beyond 8 standard deviations Φ(x) has no digits left. The median of X given a < X < b is that of an
 /// exponential variable beyond a, ln 2/a from it, less about ln 2/a³.
 #[test]
 fn a_normal_variable_cut_far_in_its_tail_stays_near_the_near_end() {

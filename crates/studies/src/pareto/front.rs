@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use anyhow::Context as _;
 use problem::formulation::Problem;
-use problem::simulator::State;
 use problem::{Design, GearCriteria};
 use rayon::prelude::*;
 use results::optima::{Optima, VerifiedOptimum};
+use stages::doe::Doe;
 use stats::IntervalEstimate;
-use store::{CriteriaRow, ResponseRow, Store};
+use store::Store;
 
 use crate::direct::{self, Start};
 use crate::samples;
@@ -134,40 +134,15 @@ pub async fn of_doe(
     base: &Design,
     against: Objective,
 ) -> anyhow::Result<Vec<Point>> {
-    let designs = store.designs().await?;
-    let criteria = store.criteria().await?;
-    let counts: std::collections::BTreeMap<u64, u64> =
-        store.sampled_counts().await?.into_iter().collect();
-    let row_of = |design: u64| -> Option<&CriteriaRow> {
-        let at = criteria
-            .binary_search_by_key(&design, |row| row.design)
-            .ok()?;
-        criteria.get(at)
-    };
-    let mut limited: BTreeMap<u64, Vec<ResponseRow>> = BTreeMap::new();
-    // By number within each design, as the problem's limited measures are.
-    for row in store.limited_responses().await? {
-        limited.entry(row.design).or_default().push(row);
-    }
+    let doe = Doe::read(store).await?;
+    let counts: BTreeMap<u64, u64> = store.sampled_counts().await?.into_iter().collect();
+    let mut judged = doe.judged(problem, base);
     let mut points = Vec::new();
-    for response in store.responses().await? {
-        let Some(design) = designs.get(response.design as usize) else {
+    for response in &doe.responses {
+        let Some((design, criteria)) = judged.remove(&response.design) else {
             continue;
         };
-        let design = problem.design(&design.x, base);
-        let found = row_of(response.design).and_then(|row| row.responses.as_ref());
-        let found = found.and_then(|row| problem.analysis(&design, row, State::Baseline));
-        let Some(analysis) = found else { continue };
-        let criteria = analysis.criteria.gears();
-        let rows = limited.get(&response.design).map_or(&[][..], Vec::as_slice);
-        let bounds = problem.limited().iter().zip(rows);
-        let bounds: Vec<f64> = bounds
-            .map(|(measure, row)| measure.bound(row.measure, row.measure_variance))
-            .collect();
-        if bounds.len() != problem.limited().len() {
-            continue;
-        }
-        let constraints = problem.constraints(&problem.with_limited(&analysis.criteria, &bounds));
+        let constraints = problem.constraints(&criteria);
         let mut others = constraints
             .iter()
             .filter(|constraint| constraint.name != against.constraint());
@@ -185,7 +160,7 @@ pub async fn of_doe(
         points.push(Point {
             source: Source::Doe(response.design),
             design,
-            criteria,
+            criteria: criteria.gears(),
             p90: IntervalEstimate {
                 n: samples,
                 value: response.measure,
