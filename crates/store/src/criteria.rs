@@ -108,7 +108,7 @@ pub(crate) async fn insert(
         let earlier = held.insert(row.design, row);
         receipts[owner].count(earlier.is_none());
         match earlier {
-            Some(earlier) => row::agree(Some(earlier.clone()), row)?,
+            Some(earlier) => row::agree(Some(earlier), row)?,
             None => new.push((row, row::seal(row)?, origin)),
         }
     }

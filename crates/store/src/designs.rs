@@ -1,5 +1,7 @@
 //! The designs of the DoE.
 
+use std::collections::BTreeMap;
+
 use crate::Error;
 use crate::connection::Connection;
 use crate::receipt::Receipt;
@@ -60,15 +62,6 @@ pub(crate) async fn all(connection: &mut Connection<'_>) -> Result<Vec<DesignRow
     range(connection, 0, i64::MAX).await
 }
 
-/// The design with this index, if it is stored.
-pub(crate) async fn one(
-    connection: &mut Connection<'_>,
-    design: u64,
-) -> Result<Option<DesignRow>, Error> {
-    let design = design.cast_signed();
-    Ok(range(connection, design, design).await?.pop())
-}
-
 /// The first of these designs that is not stored.
 pub(crate) async fn first_unknown(
     connection: &mut Connection<'_>,
@@ -89,25 +82,29 @@ pub(crate) async fn insert(
     connection: &mut Connection<'_>,
     rows: &[DesignRow],
 ) -> Result<Receipt, Error> {
+    let seals: Vec<i64> = rows.iter().map(row::seal).collect::<Result<_, _>>()?;
+    let designs = || rows.iter().map(|row| row.design.cast_signed());
+    let (first, last) = (designs().min(), designs().max());
+    let stored = range(connection, first.unwrap_or(0), last.unwrap_or(-1)).await?;
+    let mut held: BTreeMap<u64, &DesignRow> = stored.iter().map(|row| (row.design, row)).collect();
     let mut receipt = Receipt::default();
-    for row in rows {
-        receipt.count(insert_one(connection, row).await?);
+    let mut new = Vec::new();
+    for (row, seal) in rows.iter().zip(seals) {
+        let earlier = held.insert(row.design, row);
+        receipt.count(earlier.is_none());
+        match earlier {
+            Some(earlier) => row::agree(Some(earlier), row)?,
+            None => new.push((row, seal)),
+        }
     }
+    let statement = ["INSERT INTO design (design, x, seal) ", ""];
+    connection
+        .insert_many(statement, &new, |values, (row, seal)| {
+            values
+                .push_bind(row.design.cast_signed())
+                .push_bind(bytes(&row.x))
+                .push_bind(*seal);
+        })
+        .await?;
     Ok(receipt)
-}
-
-async fn insert_one(connection: &mut Connection<'_>, row: &DesignRow) -> Result<bool, Error> {
-    let seal = row::seal(row)?;
-    let (design, x) = (row.design.cast_signed(), bytes(&row.x));
-    let query = sqlx::query!(
-        "INSERT INTO design (design, x, seal) VALUES (?, ?, ?) ON CONFLICT DO NOTHING",
-        design,
-        x,
-        seal,
-    );
-    if connection.execute(query).await? > 0 {
-        return Ok(true);
-    }
-    row::agree(one(connection, row.design).await?, row)?;
-    Ok(false)
 }

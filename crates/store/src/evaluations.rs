@@ -148,7 +148,7 @@ pub(crate) async fn insert(
         return Ok(true);
     }
     let place = (stream, evaluation);
-    row::agree(range(connection, place, place).await?.pop(), row)?;
+    row::agree(range(connection, place, place).await?.last(), row)?;
     Ok(false)
 }
 

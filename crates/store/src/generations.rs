@@ -43,23 +43,27 @@ pub(crate) async fn put(
     connection: &mut Connection<'_>,
     rows: &[(StreamId, u64)],
 ) -> Result<Receipt, Error> {
-    for (stream, generation) in rows {
-        let (generation, key) = (generation.cast_signed(), key(*stream));
-        let query = sqlx::query!(
-            "UPDATE stream_generation SET generation = ?1 WHERE stream = ?2 AND generation <> ?1",
-            generation,
-            key,
-        );
-        if connection.execute(query).await? > 0 {
-            samples::remove(connection, Streams::One(*stream)).await?;
+    let stored = all(connection).await?;
+    let mut new = Vec::new();
+    for &(stream, generation) in rows {
+        match stored.get(&stream) {
+            Some(earlier) if *earlier == generation => continue,
+            Some(_) => samples::remove(connection, Streams::One(stream)).await?,
+            None => {}
         }
-        let query = sqlx::query!(
-            "INSERT INTO stream_generation (stream, generation) VALUES (?, ?) ON CONFLICT DO NOTHING",
-            key,
-            generation,
-        );
-        connection.execute(query).await?;
+        new.push((stream, generation));
     }
+    let statement = [
+        "INSERT OR REPLACE INTO stream_generation (stream, generation) ",
+        "",
+    ];
+    connection
+        .insert_many(statement, &new, |values, (stream, generation)| {
+            values
+                .push_bind(key(*stream))
+                .push_bind(generation.cast_signed());
+        })
+        .await?;
     Ok(Receipt::new(rows.len() as u64))
 }
 

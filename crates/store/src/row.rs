@@ -168,12 +168,12 @@ pub(crate) fn check<R: Row>(row: R, seal: i64, path: &Path) -> Result<R, Error> 
 
 /// Refuses a row that differs from the stored one.
 pub(crate) fn agree<R: Row + Debug + PartialEq>(
-    stored: Option<R>,
+    stored: Option<&R>,
     offered: &R,
 ) -> Result<(), Error> {
     match stored {
-        Some(stored) if stored != *offered => {
-            Err(Error::conflict(R::TABLE, offered.key(), [&stored, offered]))
+        Some(stored) if stored != offered => {
+            Err(Error::conflict(R::TABLE, offered.key(), [stored, offered]))
         }
         _ => Ok(()),
     }

@@ -93,7 +93,7 @@ pub(crate) async fn insert(
         // It is measured and differs between attempts.
         stored.cpu_seconds = row.cpu_seconds;
     }
-    row::agree(stored, row)?;
+    row::agree(stored.as_ref(), row)?;
     Ok(false)
 }
 
