@@ -136,6 +136,7 @@ fn the_example_runs_from_the_doe_to_the_report() {
     let said = printed(&check);
     assert!(said.contains("The program is called at most "), "{said}");
     assert!(said.contains("That is about "), "{said}");
+    assert!(!said.contains("are equal"), "{said}");
     let failing = before_samples("design[\"x_p\"] > 0.5", "raise ValueError(\"no licence\")");
     let failing = changed_program(&sandbox, "failing.py", &failing);
     let check = sandbox.coordinator(&["check", &file, "--exec", &failing]);
@@ -143,6 +144,18 @@ fn the_example_runs_from_the_doe_to_the_report() {
     let said = printed(&check);
     assert!(
         said.contains(" of 4 random designs, which a campaign would try"),
+        "{said}"
+    );
+    let seedless = [(
+        "sum(word << (32 * place) for place, word in enumerate(seed))",
+        "1",
+    )];
+    let seedless = program(&sandbox, "seedless.py", &seedless);
+    let check = sandbox.coordinator(&["check", &file, "--exec", &seedless]);
+    assert_code(&check, 0);
+    let said = printed(&check);
+    assert!(
+        said.contains("two samples of each design are equal"),
         "{said}"
     );
     let without = sandbox.coordinator(&["run", &file, "--db", "none.db"]);

@@ -235,6 +235,7 @@ fn discarded_results_are_computed_again() {
         }
         let left = sandbox.status("c.db").unwrap();
         assert!(left["samples"]["done"].as_u64() < before["samples"]["done"].as_u64());
+        assert_eq!(left["finished"], false);
         assert_code(&sandbox.coordinator(&run), 0);
         let after = sandbox.status("c.db").unwrap();
         for key in [
@@ -249,4 +250,5 @@ fn discarded_results_are_computed_again() {
     }
     let nothing = counted(["--worker", "unknown"], true);
     assert_eq!(nothing["samples"], 0);
+    assert_eq!(sandbox.status("c.db").unwrap()["finished"], true);
 }

@@ -11,7 +11,7 @@ use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
 use results::describing::describe;
 use results::new_file::NewFile;
-use results::status::Status;
+use results::optima::Optima;
 use results::table::VersionedObject;
 use results::{comparison, pair_file, report, snapshot, status};
 use runner::coordinator::local::LocalWorkers;
@@ -343,7 +343,7 @@ async fn conduct(plan: Plan, shutdown: CancellationToken) -> Result<u8, ProgramE
                 report.display()
             ))?;
             if quarantined.is_empty() {
-                return Ok(code_of_finished(&status));
+                return code_of_finished(&problem, &store).await;
             }
             warn!(streams = %quarantined.join(", "), "finished, but some samples were quarantined");
             Ok(exit::INCOMPLETE)
@@ -356,20 +356,20 @@ async fn conduct(plan: Plan, shutdown: CancellationToken) -> Result<u8, ProgramE
 }
 
 /// The exit code for the end of a campaign from which nothing is missing.
-fn code_of_finished(status: &Status) -> u8 {
-    if status.designs.simulable == status.designs.ruled_out {
+async fn code_of_finished(problem: &Problem, store: &Store) -> Result<u8, ProgramError> {
+    let designs = status::read(store).await?.designs;
+    let optima = Optima::read(store, problem).await?;
+    Ok(if designs.simulable == designs.ruled_out {
         warn!("finished, but no design got samples; the report says why");
         exit::NOT_SIMULABLE
-    } else if status
-        .optima
-        .iter()
-        .all(|optimum| optimum.criterion.is_none())
-    {
-        warn!("finished, but no approach found a feasible design; the report says why");
+    } else if optima.iter().all(|one| one.cost(problem).is_none()) {
+        warn!(
+            "finished, but no approach found a design that keeps every limit; the report says why"
+        );
         exit::NONE_FEASIBLE
     } else {
         exit::OK
-    }
+    })
 }
 
 async fn write_report(arguments: arguments::Report) -> Result<u8, ProgramError> {

@@ -127,6 +127,17 @@ impl VerifiedOptimum {
         let samples = self.samples();
         samples.map_or_else(Vec::new, |samples| problem.objective().values(samples))
     }
+
+    /// The verified measure as a cost, which is minimised; `None` for a design that cannot be recommended, because it
+    /// breaks a limit or has no measure.
+    #[must_use]
+    pub fn cost(&self, problem: &Problem) -> Option<f64> {
+        let cost = problem.cost(self.measure?.value);
+        let keeps_limits = self.optimum.feasible().is_some()
+            && self.limits.len() == problem.limited().len()
+            && self.limits.iter().all(|limit| limit.holds);
+        (keeps_limits && cost.is_finite()).then_some(cost)
+    }
 }
 
 /// The optima of a campaign, in the order of the paper's Table 5.
@@ -189,12 +200,8 @@ impl Optima {
         };
         let mut all: Vec<VerifiedOptimum> = optima.into_iter().map(verified).collect();
         let ranked = all.iter().zip(0..).filter_map(|(optimum, place)| {
-            let cost = problem.cost(optimum.measure?.value);
-            let is_feasible = optimum.optimum.feasible().is_some()
-                && optimum.limits.len() == problem.limited().len()
-                && optimum.limits.iter().all(|limit| limit.holds);
-            (is_feasible && is_ranked(problem, optimum.optimum.approach) && cost.is_finite())
-                .then_some((cost, place))
+            let cost = optimum.cost(problem)?;
+            is_ranked(problem, optimum.optimum.approach).then_some((cost, place))
         });
         let mut ranked: Vec<(f64, usize)> = ranked.collect();
         ranked.sort_by(|(a, _), (b, _)| a.total_cmp(b));

@@ -48,8 +48,8 @@ pub const INTERRUPTED: u8 = 14;
 /// contact. In a campaign: no design gets samples, because none is simulable or the constraints
 /// rule all out.
 pub const NOT_SIMULABLE: u8 = 15;
-/// The campaign ended without a feasible design: no approach found one that can be simulated and satisfies
-/// every constraint.
+/// The campaign ended without a design to recommend: no approach found one that satisfies every constraint, those on
+/// measures of samples by its verification samples.
 pub const NONE_FEASIBLE: u8 = 16;
 /// The campaign's budget is used up. A larger one and the same command continue.
 pub const OVER_BUDGET: u8 = 17;
@@ -252,7 +252,7 @@ pub const TABLE: [(u8, &str); 18] = [
     ),
     (
         NONE_FEASIBLE,
-        "the campaign ended, and no approach found a feasible design",
+        "the campaign ended, and no approach found a design that keeps every limit",
     ),
     (
         OVER_BUDGET,

@@ -9,7 +9,7 @@ use rustix::process::Signal;
 
 use super::plan::{Purpose, random};
 use super::process::Process;
-use super::programs::{DB, Programs};
+use super::programs::{DB, FINISHED, INCOMPLETE, NONE_FEASIBLE, Programs};
 use super::progress::Progress;
 use super::{Kind, Round, Violation};
 
@@ -19,8 +19,6 @@ const KILLS: u32 = 2;
 const LATEST_KILL: u64 = 4000;
 /// Time limit of a process on a shared machine.
 const PATIENCE: Duration = Duration::from_secs(300);
-/// Exit code: something was quarantined, which the same command computes again.
-const INCOMPLETE: i32 = 13;
 /// Most runs of the same command. Each crash that the simulator causes happens once.
 const RUNS: usize = 40;
 
@@ -62,7 +60,7 @@ pub(crate) fn disturbed(
             }
             None => return Err(Violation(format!("run {number} does not end"))),
             Some(status) => match (status.code(), status.signal()) {
-                (Some(0), _) => {
+                (Some(FINISHED | NONE_FEASIBLE), _) => {
                     progress.advance(&programs.status(folder, DB)?, true)?;
                     return Ok(Round {
                         kind: Kind::Alone,

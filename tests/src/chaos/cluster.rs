@@ -12,13 +12,13 @@ use rustix::process::Signal;
 use super::Violation;
 use super::plan::{Act, RELIEF, WORKERS, Who};
 use super::process::{FAREWELL, Process};
-use super::programs::{ACCESS, OUTAGE, Programs, ServeArguments};
+use super::programs::{
+    ACCESS, FINISHED, INCOMPLETE, NONE_FEASIBLE, OUTAGE, Programs, ServeArguments,
+};
 use super::proxy::{Fault, Proxy};
 use crate::free_address;
 use crate::http::{self, LOCALHOST, VIEWS};
 
-/// Exit code: the campaign is finished.
-const FINISHED: i32 = 0;
 /// Exit code: the store is open elsewhere.
 const STORE_LOCKED: i32 = 9;
 /// The access file of a second coordinator on the same store, which must be refused because of the
@@ -30,8 +30,6 @@ const BROKEN_MACHINE: i32 = 4;
 const BROKEN: &str = "broken";
 /// Exit code: no coordinator answers.
 const UNREACHABLE: i32 = 11;
-/// Exit code: the campaign is finished except for quarantined jobs.
-const INCOMPLETE: i32 = 13;
 /// Exit code: the program was asked to leave, or drained.
 const INTERRUPTED: i32 = 14;
 /// Shorter than a worker waits for a coordinator that does not answer.
@@ -386,8 +384,12 @@ impl Cluster {
         status: ExitStatus,
     ) -> Result<(), Violation> {
         let is_expected = match (who, status.code()) {
-            (Who::Coordinator, Some(code @ (FINISHED | INCOMPLETE))) => {
-                self.ended = Some(code);
+            (Who::Coordinator, Some(FINISHED | NONE_FEASIBLE)) => {
+                self.ended = Some(FINISHED);
+                true
+            }
+            (Who::Coordinator, Some(INCOMPLETE)) => {
+                self.ended = Some(INCOMPLETE);
                 true
             }
             (Who::Worker(_), Some(FINISHED)) => {

@@ -10,7 +10,7 @@ use rustix::process::Signal;
 
 use super::plan::{Purpose, random};
 use super::process::Process;
-use super::programs::{DB, Programs};
+use super::programs::{DB, FINISHED, INCOMPLETE, NONE_FEASIBLE, Programs};
 use super::progress::Progress;
 use super::{Kind, Round, Violation};
 
@@ -20,8 +20,6 @@ const SHARDS: u32 = 3;
 const LATEST_KILL: u64 = 300;
 /// Time limit of a process on a shared machine.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// Exit code of a merge whose parts lack results.
-const INCOMPLETE: i32 = 13;
 
 /// Runs a campaign as shards. Every process is killed at times and started again, and some shards
 /// are left to the next plan.
@@ -126,7 +124,7 @@ impl Run<'_> {
         loop {
             if let Some(status) = process.ended()? {
                 return match status.code() {
-                    Some(0) => Ok(true),
+                    Some(FINISHED | NONE_FEASIBLE) => Ok(true),
                     Some(INCOMPLETE) if name == "merge" => Ok(true),
                     _ => Err(Violation(format!("{name} ended with {status}"))),
                 };

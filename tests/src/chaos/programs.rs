@@ -13,6 +13,12 @@ use crate::{python, root};
 const UNUSABLE_STORE: i32 = 8;
 /// Exit code: the file is no store.
 const NOT_A_STORE: i32 = 7;
+/// Exit code: the campaign is finished.
+pub(crate) const FINISHED: i32 = 0;
+/// Exit code: the campaign is finished, and no optimum keeps every limit.
+pub(crate) const NONE_FEASIBLE: i32 = 16;
+/// Exit code: the campaign is finished except for quarantined jobs, or parts lack results.
+pub(crate) const INCOMPLETE: i32 = 13;
 /// The store of a round.
 pub(crate) const DB: &str = "c.db";
 /// The access file of a round's coordinator.
@@ -230,7 +236,8 @@ impl Programs {
         simulator: Option<&str>,
     ) -> Result<(), Violation> {
         let simulator = simulator.map_or_else(Vec::new, |name| self.simulator(name, ""));
-        finish(self.alone(folder, file, db, &simulator)).map(drop)
+        let command = self.alone(folder, file, db, &simulator);
+        ended_with(command, &[FINISHED, NONE_FEASIBLE]).map(drop)
     }
 
     /// The command that runs a campaign on this machine alone, with these arguments for its simulator.
@@ -295,11 +302,20 @@ impl Programs {
 }
 
 /// Runs a command, which must succeed, and returns its output.
-fn finish(mut command: Command) -> Result<Vec<u8>, Violation> {
+fn finish(command: Command) -> Result<Vec<u8>, Violation> {
+    ended_with(command, &[FINISHED])
+}
+
+/// Runs a command, which must end with one of these exit codes, and returns its output.
+fn ended_with(mut command: Command, codes: &[i32]) -> Result<Vec<u8>, Violation> {
     let output = command
         .output()
         .map_err(|error| Violation(format!("{command:?} does not start: {error}")))?;
-    if !output.status.success() {
+    if !output
+        .status
+        .code()
+        .is_some_and(|code| codes.contains(&code))
+    {
         let said = String::from_utf8_lossy(&output.stderr);
         let status = output.status;
         return Err(Violation(format!(

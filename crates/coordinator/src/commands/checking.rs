@@ -286,7 +286,12 @@ fn trial_warnings(trial: &Trial) -> Vec<String> {
             trial.failed_samples, trial.samples
         )
     });
-    [refused, failed, samples].into_iter().flatten().collect()
+    let equal = trial.ignores_random_numbers.then(|| {
+        "two samples of each design are equal: unless nothing is random, the program ignores its seed or its random inputs"
+            .to_owned()
+    });
+    let warnings = [refused, failed, samples, equal];
+    warnings.into_iter().flatten().collect()
 }
 
 /// Samples that one store holds well: a store of 10⁸ opens in seconds (`load -- large`), and the time grows in

@@ -6,6 +6,7 @@ use results::table::VersionedObject;
 use runner::coordinator::server;
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
+use stages::stage::Stage;
 use store::{Discard, RemovedRows, Store};
 
 use super::output::print_either;
@@ -34,7 +35,7 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
     held.close().await?;
     let campaign = Campaign::stored(&row.file_text)?;
     let store = server::open_store(&Problem::new(campaign), &row.file_text, &arguments.db).await?;
-    let removed = store.discard(&what, !arguments.yes).await;
+    let removed = remove(&store, &what, arguments.yes).await;
     store.close().await?;
     let RemovedRows {
         samples,
@@ -53,6 +54,19 @@ pub(super) async fn discard(arguments: arguments::Discard) -> Result<u8, Program
         describe(&what, &removal)
     })?;
     Ok(exit::OK)
+}
+
+/// Removes the results, or only counts them. A campaign that lost some is no longer finished.
+async fn remove(
+    store: &Store,
+    what: &Discard,
+    is_meant: bool,
+) -> Result<RemovedRows, store::Error> {
+    let removed = store.discard(what, !is_meant).await?;
+    if is_meant && removed != RemovedRows::default() {
+        store.put_stage(&Stage::Sample.to_string()).await?;
+    }
+    Ok(removed)
 }
 
 fn describe(what: &Discard, removal: &Removal) -> String {

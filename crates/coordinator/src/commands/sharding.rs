@@ -81,9 +81,14 @@ pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError>
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &text, &arguments.db).await?;
     let planned = plan_store(&problem, &store, arguments.shards, &arguments.out, &report).await;
-    let status = status::read(&store).await;
+    let code = match &planned {
+        Ok(PlanResult {
+            report: Some(_), ..
+        }) => code_of_finished(&problem, &store).await,
+        _ => Ok(exit::OK),
+    };
     store.close().await?;
-    let (planned, status) = (planned?, status?);
+    let planned = planned?;
     print_either(
         arguments.json,
         &VersionedObject::new(&planned),
@@ -107,10 +112,7 @@ pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError>
             ),
         },
     )?;
-    Ok(match planned.report {
-        Some(_) => code_of_finished(&status),
-        None => exit::OK,
-    })
+    code
 }
 
 async fn plan_store(

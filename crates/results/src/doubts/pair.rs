@@ -102,6 +102,7 @@ pub fn of(pair: &Pair, loaded: &Loaded, allowances: Option<&Allowances>) -> Vec<
             ));
         }
     }
+    doubts.extend(of_tips(pair));
     doubts.extend(of_load(pair, loaded.pressure_mpa));
     doubts.extend(of_transmission_error(loaded));
     doubts
@@ -142,6 +143,20 @@ fn beyond_comparison(pair: &Pair) -> Vec<String> {
         );
     }
     doubts
+}
+
+/// Doubts about given tip diameters that the teeth do not reach, because they become pointed before.
+fn of_tips(pair: &Pair) -> impl Iterator<Item = String> {
+    let tips = ["pinion", "mate"]
+        .into_iter()
+        .zip(pair.input().tip_diameter);
+    let reached = pair.geometry().r_a.map(|r| 2.0 * r);
+    tips.zip(reached).filter_map(|((gear, given), reached)| {
+        let given = given.filter(|given| reached < given - 1e-6)?;
+        Some(format!(
+            "pair.tip_diameter_mm of the {gear} is {given}, but its tooth becomes pointed at {reached:.3} mm and ends there"
+        ))
+    })
 }
 
 /// A doubt about the torque.
@@ -233,7 +248,12 @@ contact_limit_mpa = 1500.0
         let thick = "100.0\n[allowances]\ntooth_thickness_um = { pinion = [60.0, 30.0], mate = [0.0, -10.0] }";
         let long =
             "100.0\n[corrections]\ntip_relief_um = [5.0, 5.0]\ntip_relief_length_mm = [5.0, 2.0]";
+        let tips = "0.6]\ntip_diameter_mm = [60.0, 82.0]\ntooth_model";
         for (found, part) in [
+            (
+                with("0.6]\ntooth_model", tips),
+                "pair.tip_diameter_mm of the pinion is 60, but its tooth becomes pointed at 55.969 mm",
+            ),
             (with("mm = 25.0", "mm = 18.4"), "overlap ratio ε_β is 1.002"),
             (with("mm = 25.0", "mm = 3.0"), "b/m_n is 1.50"),
             (

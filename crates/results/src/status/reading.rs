@@ -55,8 +55,8 @@ pub(crate) async fn of(store: &Store, problem: &Problem, found: &Optima) -> anyh
             .len();
         if open > 0 {
             warnings.push(format!(
-                "The campaign ended without samples of {open} designs: their jobs were quarantined, or samples were discarded \
-                 since. `coordinator run` or `serve` computes them, and all results that depend on them."
+                "The campaign ended without samples of {open} designs, whose jobs were quarantined. `coordinator run` or `serve` \
+                 computes them, and all results that depend on them."
             ));
         }
     }

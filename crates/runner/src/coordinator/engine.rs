@@ -179,28 +179,34 @@ impl Engine {
         self.problem.campaign()
     }
 
-    /// Gives the board a stored sample as a control for workers whose jobs fail.
+    /// Gives the board a stored sample as a control for workers whose jobs fail: one that the program can give again,
+    /// which a failed sample is not, nor one beyond limits that were added to the campaign later.
     async fn name_control(&self, base: &Design) -> anyhow::Result<()> {
         let counts = self.store.sampled_counts().await?;
-        // Known samples do not test a worker's simulator.
-        let known = |design: u64| u64::from(samples_not_asked(&self.problem, design));
-        let sampled = counts
-            .into_iter()
-            .find(|(design, samples)| *samples > known(*design));
-        let Some((number, _)) = sampled else {
-            return Ok(());
-        };
         let designs = self.store.designs().await?;
-        let design = designs.into_iter().find(|row| row.design == number);
-        if let (Some(row), Ok(number)) = (design, u32::try_from(number)) {
-            let source = Source::Design(self.problem.design(&row.x, base));
-            let first = known(row.design) as u32;
-            let unit = Unit {
-                stream: StreamId::design(number),
-                generation: self.inputs.generation(StreamId::design(number), &source),
-                samples: first..first + 1,
+        // Both are ordered by design.
+        for (row, (design, samples)) in designs.iter().zip(counts) {
+            // Known samples do not test a worker's simulator.
+            let first = samples_not_asked(&self.problem, design);
+            let (Ok(number), true) = (u32::try_from(design), samples > u64::from(first)) else {
+                continue;
             };
-            self.board.set_control(unit, Arc::new(source));
+            let stream = StreamId::design(number);
+            let responses = self.problem.sampled().len();
+            let stored = self.store.first_samples_of(stream, responses).await?;
+            let is_sound = |values: &[f64]| {
+                !self.problem.is_failed_sample(values) && self.problem.check_sample(values).is_ok()
+            };
+            if stored.get(first as usize).is_some_and(is_sound) {
+                let source = Source::Design(self.problem.design(&row.x, base));
+                let unit = Unit {
+                    stream,
+                    generation: self.inputs.generation(stream, &source),
+                    samples: first..first + 1,
+                };
+                self.board.set_control(unit, Arc::new(source));
+                return Ok(());
+            }
         }
         Ok(())
     }

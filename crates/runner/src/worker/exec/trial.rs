@@ -30,6 +30,8 @@ pub struct Trial {
     pub samples: usize,
     /// Number of those that the program marked as failed by NaN.
     pub failed_samples: usize,
+    /// Whether the two samples of each design were equal, although they have different random numbers.
+    pub ignores_random_numbers: bool,
     /// Median time of an evaluation, in seconds.
     pub evaluation_seconds: f64,
     /// Median time of a sample, in seconds; NaN if no design was sampled.
@@ -55,6 +57,7 @@ pub fn trial(problem: &Problem, exec: &Exec) -> Result<Trial, Error> {
 
 fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, NoAnswer> {
     let (mut trial, mut evaluations, mut samples) = (Trial::default(), Vec::new(), Vec::new());
+    let (mut pairs, mut equal_pairs) = (0, 0);
     for number in 0..DESIGNS {
         trial.designs += 1;
         let since = Instant::now();
@@ -70,6 +73,7 @@ fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, No
                 evaluations.push(since.elapsed().as_secs_f64());
             }
             evaluated?;
+            let mut last = None;
             for _ in 0..2 {
                 let since = Instant::now();
                 let sample = problem.sample_of(prepared.sample(&mut rng)?);
@@ -77,7 +81,14 @@ fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, No
                 let checked = problem.check_sample(&sample);
                 checked
                     .map_err(|(name, why)| NoAnswer::Failed(format!("{name} of a sample {why}")))?;
-                trial.failed_samples += usize::from(problem.is_failed_sample(&sample));
+                if problem.is_failed_sample(&sample) {
+                    trial.failed_samples += 1;
+                    continue;
+                }
+                if let Some(last) = last.replace(sample.clone()) {
+                    pairs += 1;
+                    equal_pairs += usize::from(last == sample);
+                }
             }
             Ok(())
         };
@@ -103,6 +114,7 @@ fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, No
     }
     Ok(Trial {
         samples: samples.len(),
+        ignores_random_numbers: pairs > 0 && pairs == equal_pairs,
         evaluation_seconds: median(evaluations),
         sample_seconds: median(samples),
         ..trial

@@ -215,7 +215,7 @@ impl<'a> Stage<'a> {
             pressure_angle: angle,
             helix_angle: self.helix_angle(notes)?,
             face_width: self.face_width()?,
-            tools: self.tools(flanks, module, shift, notes)?,
+            tools: self.tools(flanks, [module, angle], shift, notes)?,
             tip_diameter: self.of_gears("tip_diameter", LENGTH)?,
             hub_diameter: self.of_gears("inner_diameter", LENGTH)?,
             tooth_model: text(self.stage, "custom_pitchline_tooth_model").map(str::to_owned),
@@ -279,11 +279,12 @@ impl<'a> Stage<'a> {
         })
     }
 
-    /// Addendum and dedendum of the tools and radius of their tips, modules, of both gears.
+    /// Addendum and dedendum of the tools and radius of their tips, modules, of both gears. A tool must have the normal
+    /// module and the pressure angle `of_gears`.
     fn tools(
         &self,
         flanks: [Node<'a, 'a>; 2],
-        module: f64,
+        of_gears: [f64; 2],
         shift: [f64; 2],
         notes: &mut Vec<String>,
     ) -> anyhow::Result<[[f64; 3]; 2]> {
@@ -295,11 +296,26 @@ impl<'a> Stage<'a> {
                 Some(tool) => number(*tool, id, NUMBER),
                 None => Ok(None),
             };
+            for (id, units, of_gears) in [
+                ("normal_module", LENGTH, of_gears[0]),
+                ("normal_pressure_angle", ANGLE, of_gears[1]),
+            ] {
+                for tool in &tool {
+                    let given = number(*tool, id, units)?;
+                    ensure!(
+                        given.is_none_or(|given| (given - of_gears).abs() < SAME_MM),
+                        "{} has {id} {}, but {} has {of_gears}: a tool that differs from its gear is not read",
+                        named(*tool),
+                        given.unwrap_or_default(),
+                        named(gear)
+                    );
+                }
+            }
             // Without the tool's heights, the gear's diameters give them.
             let diameter = number(gear, "reference_circle_diameter", LENGTH)?;
             let height = |id: &str, sign: f64| -> anyhow::Result<Option<f64>> {
                 let circle = number(gear, id, LENGTH)?.zip(diameter);
-                Ok(circle.map(|(circle, d)| sign * (0.5 * (circle - d) / module - shift[i])))
+                Ok(circle.map(|(circle, d)| sign * (0.5 * (circle - d) / of_gears[0] - shift[i])))
             };
             let values = [
                 read("addendum_coefficient_reference_profile")?

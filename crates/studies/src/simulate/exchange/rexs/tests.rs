@@ -265,6 +265,11 @@ fn what_cannot_be_imported_is_refused_by_component_and_attribute() {
             "id=\"normal_pressure_angle\" unit=\"deg\">80<",
             "pair.pressure_angle_deg",
         ),
+        (
+            "unit=\"mm\">2</attribute>\n<attribute id=\"normal_pressure_angle\"",
+            "unit=\"mm\">2.5</attribute>\n<attribute id=\"normal_pressure_angle\"",
+            "has normal_module 2.5, but cylindrical_gear",
+        ),
     ] {
         let error = refused(from, to);
         assert!(error.contains("p.rexs") && error.contains(why), "{error}");
