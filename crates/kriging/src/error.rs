@@ -73,7 +73,7 @@ pub enum Error {
     /// The model is not better than a constant plus noise, and the options refuse such a model.
     #[error(
         "the model's log likelihood exceeds that of a constant plus noise by {gain:.2}, less than \
-         {needed}: no dependence on x was found; give more observations, or less noisy ones"
+         {needed}: no dependence on the inputs was found; give more observations, or less noisy ones"
     )]
     NoStructure {
         /// Gain of the model's log likelihood over that of independent observations.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 #[non_exhaustive]
 pub enum Warning {
     /// The likelihood hardly prefers the fitted covariance to a constant plus noise: the model may
-    /// have found no dependence on x at all.
+    /// have found no dependence on the inputs at all.
     NoStructure {
         /// Gain of the model's log likelihood over that of independent observations around a
         /// constant.
@@ -144,7 +144,7 @@ impl Warning {
         match self {
             Self::NoStructure { gain, needed } => format!(
                 "the model's log likelihood exceeds that of a constant plus noise by {gain:.2}, less than \
-                 {needed}: no dependence on x was found"
+                 {needed}: no dependence on the inputs was found"
             ),
             Self::ConstantResponse => "all observations are equal".to_owned(),
             Self::FewPoints {

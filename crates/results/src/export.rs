@@ -177,6 +177,7 @@ async fn failures<W: Write + Send>(store: &Store, out: Destination<'_, W>) -> an
         Column::text("worker"),
         Column::text("kind"),
         Column::text("error"),
+        Column::whole("at_unix_ms"),
     ])?;
     for row in store.failures().await? {
         let job = names::failed_job(&row);
@@ -185,7 +186,8 @@ async fn failures<W: Write + Send>(store: &Store, out: Destination<'_, W>) -> an
             row.lease,
             row.worker,
             row.kind.as_str(),
-            row.error
+            row.error,
+            row.at_unix_ms.map(i64::cast_unsigned)
         ])?;
     }
     out.finish()

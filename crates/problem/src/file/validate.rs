@@ -290,15 +290,17 @@ fn place(text: &str, error: &toml::de::Error) -> (usize, usize) {
 
 /// The line (from 0) of an error, and its message.
 fn explained(text: &str, error: &toml::de::Error) -> (usize, String) {
-    let (line, start) = place(text, error);
+    let (line, _) = place(text, error);
     let message = in_plain_words(&error.message().replace('\n', " "));
     let is_missing = message.starts_with("missing field");
+    // A key that the whole file lacks has an empty place at its beginning.
+    let is_of_file = is_missing && error.span().is_none_or(|span| span.is_empty());
     let message = match keys(text).nth(line) {
+        _ if is_of_file => message,
         Some((section, None)) if is_missing && !section.is_empty() => {
             format!("{message} of [{section}]")
         }
-        // A key that the whole file lacks is reported at its beginning.
-        Some((_, Some(_))) if !is_missing || start > 0 => {
+        Some((_, Some(_))) => {
             let key = key_at(text, line).unwrap_or_default();
             format!("{key}: {message}")
         }
@@ -404,6 +406,14 @@ mod tests {
         assert_eq!(
             refused("seed = 1\n[load]\nteeth = [1, 2]\n"),
             "c.toml, line 2: missing field `torque` of [load]"
+        );
+        assert_eq!(
+            refused("[load]\ntorque = 1.0\n"),
+            "c.toml, line 1: missing field `seed`"
+        );
+        assert_eq!(
+            refused("[load]\nteeth = [1, 2]\n[other]\n"),
+            "c.toml, line 1: missing field `torque` of [load]"
         );
         assert_eq!(
             refused("load = { torque = 1.0 }\n"),

@@ -10,6 +10,7 @@ use tokio::time::{Instant, MissedTickBehavior};
 use tracing::{error, warn};
 
 use crate::coordinator::board::Board;
+use crate::coordinator::provenance;
 use crate::coordinator::recorder::Recorder;
 
 /// Interval between checks for expired leases.
@@ -99,6 +100,6 @@ fn failure(crash: Crash) -> FailureRow {
         serial: None,
         kind,
         error: error.to_owned(),
-        at_unix_ms: None,
+        at_unix_ms: provenance::unix_ms(),
     }
 }

@@ -1,6 +1,12 @@
-//! The machine, time and program version of a report. They are not part of any result.
+//! The machine, time and program version of a report, and the time of a failure. They are not part of any result.
 
 use std::time::SystemTime;
+
+/// The time in milliseconds since 1970 (UTC); `None` on a machine whose clock is before that.
+pub(crate) fn unix_ms() -> Option<i64> {
+    let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    since.ok()?.as_millis().try_into().ok()
+}
 
 /// (label, value) pairs for [`results::report::write()`].
 #[must_use]

@@ -16,8 +16,8 @@ use tonic::Status;
 use tracing::{debug, error, info, warn};
 
 use crate::coordinator::board::Board;
-use crate::coordinator::ingest;
 use crate::coordinator::recorder::Recorder;
+use crate::coordinator::{ingest, provenance};
 use crate::outside;
 
 /// Maximum length of a recorded error message, in bytes.
@@ -333,7 +333,7 @@ impl<R: Recorder> Receiver<'_, R> {
             serial: failed.serial,
             kind,
             error: failed.error,
-            at_unix_ms: None,
+            at_unix_ms: provenance::unix_ms(),
         };
         let batch = Batch {
             failures: vec![row],
