@@ -448,8 +448,8 @@ fn a_cluster_is_simulated() {
     let output =
         sandbox.coordinator(&[&arguments[..], &more, &["--out", "out", "--json"]].concat());
     assert_code(&output, 0);
-    let found: Value = serde_json::from_str(&printed(&output)).expect("one JSON array");
-    let of = |index: usize, key: &str| found[index][key].as_f64().expect("a number");
+    let found: Value = serde_json::from_str(&printed(&output)).expect("one JSON object");
+    let of = |index: usize, key: &str| found["scenarios"][index][key].as_f64().expect("a number");
     assert!(of(1, "samples") > 3.0 * of(0, "samples"), "{found}");
     assert!(
         of(1, "lost_samples") > 0.0 && of(1, "quarantined") == 0.0,

@@ -270,6 +270,8 @@ fn who_watches_through_a_restart_sees_the_end_all_the_same() {
     let (ended, said) = watch.finish();
     assert_eq!(ended.code(), Some(0), "{said}");
     assert!(said.contains("asking again"), "{said}");
+    let again = place.ask(&["retry"]);
+    assert!(again.contains("nothing was quarantined"), "{again}");
     coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 }
@@ -278,7 +280,7 @@ fn who_watches_through_a_restart_sees_the_end_all_the_same() {
 fn whoever_watches_sees_the_end() {
     let sandbox = Sandbox::new();
     let place = Place::new(&sandbox, &small_campaign(60, 6));
-    let coordinator = place.serve(&["--keep-serving"]);
+    let coordinator = place.serve(&[]);
     // The coordinator makes the DoE after writing the access file.
     sandbox.wait_for(DB, "the DoE", |status| status["stage"] == "sample");
     let worker = place.worker(&[]);
@@ -290,8 +292,5 @@ fn whoever_watches_sees_the_end() {
         serde_json::from_str(text.lines().last().expect("at least one line")).unwrap();
     assert_eq!(last["finished"], true, "{last}");
     assert_eq!(worker.finish().0.code(), Some(0));
-    let again = place.ask(&["retry"]);
-    assert!(again.contains("nothing was quarantined"), "{again}");
-    coordinator.terminate();
     assert_eq!(coordinator.finish().0.code(), Some(0));
 }

@@ -197,7 +197,7 @@ impl fmt::Display for Explanation {
             Self::NoWorkers { known: 0, open, .. } => write!(
                 f,
                 "samples of {} are missing, but no worker has connected: start one with `worker \
-                 --connect` and this coordinator's address",
+                 --access` and the access file of this coordinator",
                 streams(*open)
             ),
             Self::NoWorkers {

@@ -2,7 +2,7 @@
 //! `responses` and `samples`, or the rows of `[doe] table`.
 
 use crate::file::{Doe, Source, TableRows};
-use crate::formulation::{Problem, Quantity};
+use crate::formulation::{Design, Problem, Quantity};
 use crate::{Campaign, FileError};
 
 /// Largest relative deviation from a bound or a discrete value that counts as rounding.
@@ -53,6 +53,8 @@ struct Header<'a> {
     variables: Columns<'a>,
     responses: Columns<'a>,
     sampled: Columns<'a>,
+    /// Variables that the campaign fixes, with their places among all variables.
+    fixed: Vec<(&'a str, usize, usize)>,
 }
 
 impl<'a> Header<'a> {
@@ -78,6 +80,7 @@ impl<'a> Header<'a> {
             _ => Vec::new(),
         };
         let place = |name: &str| columns.iter().position(|column| column == name);
+        let twice = |name: &str| columns.iter().filter(|column| *column == name).count() > 1;
         let responses = match rows {
             TableRows::Responses => names(problem.responses()),
             // A baseline has the name of a sampled response.
@@ -94,6 +97,9 @@ impl<'a> Header<'a> {
         let found = found.join(",");
         let placed = |names: Vec<&'a str>| {
             let placed = names.into_iter().map(|name| {
+                if twice(name) {
+                    return Err(format!("{name} is the name of two columns"));
+                }
                 let place = place(name).ok_or_else(|| {
                     format!(
                         "there is no column {name} in the header {found:?}; a table of designs has the columns {all}, \
@@ -104,7 +110,12 @@ impl<'a> Header<'a> {
             });
             placed.collect::<Result<Columns<'a>, String>>()
         };
+        let is_fixed = |name: &str| problem.gears().is_none() && !variables.contains(&name);
+        let all = (0..).zip(problem.variables());
+        let fixed = all.filter(|(_, one)| is_fixed(&one.name));
+        let fixed = fixed.filter_map(|(which, one)| Some((&*one.name, place(&one.name)?, which)));
         Ok(Self {
+            fixed: fixed.collect(),
             variables: placed(variables)?,
             responses: placed(responses)?,
             sampled: placed(sampled)?,
@@ -122,6 +133,18 @@ fn numbers(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Vec<f64>
     columns.iter().map(number).collect()
 }
 
+/// The fault of a row that was measured at another value of a variable than that of its design; `None` if there is
+/// none.
+fn elsewhere(record: &csv::StringRecord, header: &Header<'_>, design: &Design) -> Option<String> {
+    header.fixed.iter().find_map(|&(name, place, which)| {
+        let (text, value) = (&record[place], design.values()[which]);
+        let is_same = |given: f64| (given - value).abs() <= ROUNDING * value.abs();
+        (!text.parse().is_ok_and(is_same)).then(|| {
+            format!("{name} is {text}, but the campaign has the one value {value:?} for it")
+        })
+    })
+}
+
 /// The numbers of a row in these columns; none if all are empty.
 fn known(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Option<Vec<f64>>, String> {
     let is_known = columns.iter().any(|&(_, place)| !record[place].is_empty());
@@ -129,7 +152,7 @@ fn known(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Option<Vec
 }
 
 /// The section with the designs of its table. The table has a column for each free variable and for each known
-/// quantity; other columns are not read. `file` names the table in errors.
+/// quantity; a column of a fixed variable must have its value, and other columns are not read. `file` names the table in errors.
 pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe, FileError> {
     let wrong = |line: u64, message: String| FileError::Syntax {
         file: file.to_owned(),
@@ -159,6 +182,10 @@ pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe,
         let line = record.position().map_or(1, csv::Position::line);
         let wrong = |message: String| wrong(line, message);
         let point = numbers(&record, &header.variables).map_err(wrong)?;
+        let design = problem.design(&point, problem.base());
+        if let Some(why) = elsewhere(&record, &header, &design) {
+            return Err(wrong(why));
+        }
         let sample = known(&record, &header.sampled).map_err(wrong)?;
         if let Some(why) = sample.as_ref().and_then(|one| sample_fault(problem, one)) {
             return Err(wrong(why));

@@ -39,7 +39,7 @@ pub const UNREACHABLE: u8 = 11;
 /// The coordinator refused permanently: another version, another model, or a token or certificate
 /// that it does not accept; or its own certificate is not trusted.
 pub const REFUSED: u8 = 12;
-/// The campaign ended with quarantined jobs, which the report names.
+/// The campaign ended with quarantined jobs, which the report names. Or parts that were merged lack results.
 pub const INCOMPLETE: u8 = 13;
 /// The program stopped before the end of its work: by a signal, a drain or a time limit. The same command continues
 /// the work.
@@ -240,7 +240,7 @@ pub const TABLE: [(u8, &str); 18] = [
     ),
     (
         INCOMPLETE,
-        "the campaign ended, but some of its jobs were quarantined",
+        "the campaign ended, but some of its jobs were quarantined; or `merge` misses results of a plan",
     ),
     (
         INTERRUPTED,

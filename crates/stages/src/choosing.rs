@@ -113,7 +113,13 @@ pub fn choose_of_doe(problem: &Problem, base: &Design, doe: &Doe, cost: Cost) ->
         ),
         None if criteria.iter().any(|row| row.simulable) => (
             Err(NoOptimum::NoneFeasible),
-            "No design of the DoE satisfies every constraint.",
+            match problem.limited() {
+                [] => "No design of the DoE satisfies every constraint.",
+                _ => {
+                    "No design of the DoE with a measure satisfies every constraint, those on measures with a probability \
+                     of 95 % by its own samples."
+                }
+            },
         ),
         None => (
             Err(NoOptimum::NoneSimulable),

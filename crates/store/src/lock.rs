@@ -6,7 +6,7 @@
 //! synced: it survives the process, and after a power failure it may be behind the store, but not
 //! ahead of it.
 
-use std::fs::{File, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -72,18 +72,31 @@ impl Lock {
             .rewind()
             .and_then(|()| self.file.read_to_string(&mut note))
             .map_err(|e| Error::io("read the lock file", &self.path, e))?;
-        // There is no record when the store was copied here.
-        let acknowledged: u64 = note.trim().parse().unwrap_or(0);
-        if stored < acknowledged {
-            return Err(Error::MissingCommits {
-                path: self.store.clone(),
-                lock: self.path.clone(),
-                stored,
-                acknowledged,
-            });
-        }
-        Ok(())
+        refuse_fewer(&self.store, stored, number(&note))
     }
+}
+
+/// The number of commits that a coordinator has acknowledged; 0 without a record, as beside a copy of a store.
+pub(crate) fn acknowledged(store: &Path) -> u64 {
+    fs::read_to_string(beside(store, ".lock")).map_or(0, |note| number(&note))
+}
+
+fn number(note: &str) -> u64 {
+    // There is no record when the store was copied here.
+    note.trim().parse().unwrap_or(0)
+}
+
+/// Refuses a store that has fewer commits than were acknowledged before they were counted.
+pub(crate) fn refuse_fewer(store: &Path, stored: u64, acknowledged: u64) -> Result<(), Error> {
+    if stored >= acknowledged {
+        return Ok(());
+    }
+    Err(Error::MissingCommits {
+        path: store.to_owned(),
+        lock: beside(store, ".lock"),
+        stored,
+        acknowledged,
+    })
 }
 
 /// Removes the permissions of other users: a user who can open the file can lock it.

@@ -16,7 +16,7 @@ use crate::connection::{Connection, Readers, waiting};
 use crate::error::BUSY_TIMEOUT;
 use crate::identity::{self, FileIdentity};
 use crate::integrity::{self, Integrity, ReadOptions};
-use crate::lock::Lock;
+use crate::lock::{self, Lock};
 use crate::paths::{beside, exists, resolve};
 use crate::store::Store;
 use crate::{Error, commits, schema, writer};
@@ -160,7 +160,7 @@ impl Store {
     ///
     /// [`Error::NoStore`], [`Error::NotADatabase`], [`Error::NotAStore`], [`Error::Damaged`],
     /// [`Error::DamagedRows`], [`Error::OtherSchema`], [`Error::Linked`] while
-    /// a coordinator writes to the file under another name, [`Error::UnreadLog`], [`Error::Io`] and
+    /// a coordinator writes to the file under another name, [`Error::UnreadLog`], [`Error::MissingCommits`], [`Error::Io`] and
     /// [`Error::Sqlite`].
     pub async fn open_read_only(path: &Path) -> Result<Self, Error> {
         if !exists(path)? {
@@ -171,6 +171,8 @@ impl Store {
         let path: Arc<Path> = resolve(path)?.into();
         schema::check_header(&path)?;
         identity::refuse_hidden_log(&path)?;
+        // Before the commits are counted: a coordinator may add some meanwhile.
+        let acknowledged = lock::acknowledged(&path);
         let mut reading = reading(&path);
         let mut connection = match schema::inspect(&reading).await {
             Err(error) if error.is_read_only_folder() => {
@@ -189,7 +191,12 @@ impl Store {
             true => integrity::check(&mut connection).await,
             false => Ok(()),
         };
-        connection.closing(checked).await?;
+        let counted = match checked {
+            Ok(()) => commits::read(&mut connection).await,
+            Err(damaged) => Err(damaged),
+        };
+        let commits = connection.closing(counted).await?;
+        lock::refuse_fewer(&path, commits, acknowledged)?;
         let integrity = match is_small {
             true => Integrity::sound(),
             false => Integrity::on_demand(reading.clone()),

@@ -3,6 +3,7 @@
 use lab::rehearsal::{Rehearsal, Scenario, Wave, rehearse};
 use results::report::charts::{self, TradeoffChart, TradeoffSeries};
 use results::report::write_file;
+use results::table::VersionedObject;
 use runner::exit::{self, ProgramError};
 use serde::Serialize;
 use tracing::info;
@@ -64,7 +65,8 @@ pub(super) fn simulate_cluster(arguments: &arguments::SimulateCluster) -> Result
         let chart = charts::tradeoff(&chart(&simulated))?.standalone();
         write_file(out, "cluster.svg", chart)?;
     }
-    print_either(arguments.json, &simulated, || describe(&simulated))?;
+    let object = VersionedObject::new(serde_json::json!({ "scenarios": simulated }));
+    print_either(arguments.json, &object, || describe(&simulated))?;
     Ok(exit::OK)
 }
 

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use anyhow::Context as _;
 use ledger::WorkerId;
 use problem::accuracy::CampaignFile;
 use problem::formulation::Problem;
@@ -44,6 +43,13 @@ enum MergeError {
     #[error("part {} belongs to another campaign than store {}; merge it into the store that planned it",
         part.display(), store.display())]
     Foreign { part: PathBuf, store: PathBuf },
+    #[error("{}: {reason}. Parts that were given before it are stored", part.display())]
+    Refused {
+        part: PathBuf,
+        /// Whether the part would be refused again.
+        is_final: bool,
+        reason: String,
+    },
     #[error("{} and {} are both parts of shard {shard}; give only one",
         first.display(), second.display())]
     Doubled {
@@ -58,6 +64,8 @@ impl HasExitCode for MergeError {
         match self {
             Self::Foreign { .. } => exit::OTHER_CAMPAIGN,
             Self::Doubled { .. } => exit::USAGE,
+            Self::Refused { is_final: true, .. } => exit::REFUSED,
+            Self::Refused { .. } => exit::FAILURE,
         }
     }
 }
@@ -335,9 +343,13 @@ async fn store_parts(
             held: vec![held],
             died: Vec::new(),
         };
-        let named = || part.path.display().to_string();
+        let refused = |status: tonic::Status| MergeError::Refused {
+            part: part.path.clone(),
+            is_final: status.code() == tonic::Code::FailedPrecondition,
+            reason: status.message().to_owned(),
+        };
         let registered = service.register(Request::new(introduction)).await;
-        registered.with_context(named)?;
+        registered.map_err(refused)?;
         let mut results = part.results.clone();
         // All results of the file are reported as those of one lease.
         let whole = results
@@ -352,10 +364,8 @@ async fn store_parts(
             worker_id,
             results: vec![whole],
         };
-        service
-            .report(Request::new(report))
-            .await
-            .with_context(named)?;
+        let reported = service.report(Request::new(report)).await;
+        reported.map_err(refused)?;
     }
     Ok(())
 }

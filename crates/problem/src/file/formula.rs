@@ -14,8 +14,13 @@ impl Formula {
     /// Reads a formula of the variables with these names. The error says what would be right.
     pub(crate) fn parse(text: &str, variables: &[&str]) -> Result<Self, String> {
         let known = variables.join(", ");
-        let expression = FlatEx::parse(text)
-            .map_err(|error| format!("a formula of the variables {known} ({error})"))?;
+        // The parser's own message shows its internals.
+        let expression = FlatEx::parse(text).map_err(|_| {
+            format!(
+                "a formula of the variables {known}, such as \"0.1 * {}\"",
+                variables.first().unwrap_or(&"x")
+            )
+        })?;
         let place = |name: &String| {
             let place = variables.iter().position(|variable| variable == name);
             place.ok_or_else(|| format!("a formula of the variables {known}; it has {name}"))

@@ -184,10 +184,32 @@ impl Sampling {
                  lies a standard deviation and more from the percentile; sampling.estimator = \"chosen\" \
                  with {needed} samples a design does not assume that"
             )),
+            Some(_) => self.doubt_of_tail(name),
             _ => None,
         }
     }
+
+    /// A warning if the mean of a tail is that of few samples.
+    fn doubt_of_tail(&self, name: &str) -> Option<String> {
+        let Measure::TailMean { level, is_lower } = self.measure() else {
+            return None;
+        };
+        let share = if is_lower { level } else { 1.0 - level };
+        let k = self.samples_per_design;
+        let needed = (FEW_OF_TAIL / share - 1e-6).ceil();
+        (f64::from(k) < needed).then(|| {
+            format!(
+                "sampling.samples_per_design is {k}: the tail of {name} then has {:.1} samples of a design, and where it is \
+                 heavy, the estimate and its standard error are too small; {needed} samples a design have \
+                 {FEW_OF_TAIL} in the tail",
+                share * f64::from(k)
+            )
+        })
+    }
 }
+
+/// Number of samples in a tail below which its mean is doubtful.
+const FEW_OF_TAIL: f64 = 10.0;
 
 #[cfg(test)]
 mod tests {

@@ -163,14 +163,16 @@ impl RandomSection {
         };
         // `validate` checks the values of a table.
         let makes_one = Marginal::new(self.distribution, &numbers, &[0.0, 1.0]).is_some();
+        let name = serde_json::to_string(&self.distribution).expect("a name serialises");
+        let given = keys.iter().zip(&numbers);
+        let given: Vec<String> = given
+            .map(|(key, number)| format!("{key} = {number:?}"))
+            .collect();
         source.require(
             makes_one,
-            &format!("{section}.{}", keys.last().unwrap_or(&"values")),
-            numbers.last().copied().unwrap_or_default(),
-            &format!(
-                "one that makes a distribution with the other keys: {}",
-                self.distribution.needs()
-            ),
+            &format!("{section}.distribution"),
+            format!("{} with {}", name.trim_matches('"'), given.join(", ")),
+            &format!("one that exists: {}", self.distribution.needs()),
         )
     }
 }

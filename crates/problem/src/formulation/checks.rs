@@ -1,6 +1,6 @@
 //! Checks of the numbers that a simulator returns as samples and responses.
 
-use super::{Formulation, Problem, external, gears};
+use super::{Analysis, Formulation, Problem, external, gears};
 
 impl Problem {
     /// Whether these values stand for a failed sample of an external program.
@@ -68,6 +68,20 @@ impl Problem {
         let name = &self.objective().response.name;
         let place = self.sampled.iter().position(|one| one.name == *name);
         self.check_response(place.unwrap_or_default(), value)
+    }
+
+    /// Checks the objective's response in an analysis by an external program, if it has one there.
+    ///
+    /// # Errors
+    ///
+    /// A sentence that names the response.
+    pub fn check_analysis(&self, analysis: &Analysis) -> Result<(), String> {
+        if !self.campaign.is_external() || !self.has_baseline() {
+            return Ok(());
+        }
+        let name = &self.objective().response.name;
+        let checked = self.check_baseline(analysis.value);
+        checked.map_err(|why| format!("the simulator's {name} {why}"))
     }
 
     /// Checks that these numbers can be the responses of a design.

@@ -82,6 +82,10 @@ pub fn answer(
         _ => State::Nominal,
     };
     let analysis = prepared.analyse(state)?;
+    // An optimiser would take an implausible number for an optimum.
+    problem
+        .check_analysis(&analysis)
+        .map_err(NoAnswer::Failed)?;
     let is_feasible = problem.is_feasible(&analysis.criteria);
     let mut answer = Answer {
         analysis,

@@ -215,3 +215,32 @@ fn what_is_wrong_with_a_design_is_told_with_its_place() {
     let both = with("points = [[2.0, 3.0]]\ntable = \"points.csv\"").unwrap_err();
     assert!(both.contains("doe.table"), "{both}");
 }
+
+#[test]
+fn a_row_of_another_value_of_a_fixed_variable_and_a_doubled_column_are_refused() {
+    let campaign = include_str!("../../../../campaigns/cantilever/campaign.toml");
+    let keys = "[doe]\ntable = \"t.csv\"\ntable_rows = \"samples\"\n";
+    let thickness = "name = \"thickness\"\nunit = \"in\"\nlow = 1.0\n";
+    let text = campaign.replacen("[doe]\n", keys, 1).replacen(
+        &format!("{thickness}high = 4.0"),
+        &format!("{thickness}high = 1.0"),
+        1,
+    );
+    let read = |table: &str| {
+        let file = CampaignFile::parse("c.toml", &text).unwrap();
+        let file = file.with_designs("t.csv", table);
+        file.map_err(|error| error.to_string())
+    };
+    let file = read("width,thickness,displacement\n2,1,0.1\n").unwrap();
+    assert_eq!(file.campaign.doe.points, [[2.0]]);
+    let error = read("width,thickness,displacement\n2,1,0.1\n2,3,0.1\n").unwrap_err();
+    assert!(
+        error.contains("line 3") && error.contains("thickness is 3, but the campaign has"),
+        "{error}"
+    );
+    let error = read("width,displacement,displacement\n2,0.1,9\n").unwrap_err();
+    assert!(
+        error.contains("displacement is the name of two columns"),
+        "{error}"
+    );
+}

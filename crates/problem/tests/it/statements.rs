@@ -272,7 +272,10 @@ fn random_inputs_without_a_distribution_are_refused_by_line_and_key() {
         ),
         ("sd = \"0.1 * \" ", "a formula of the variables x1, x2, x3"),
         ("sd = -1.0 ", "sd ≥ 0"),
-        ("sd = -1.0 ", "random[1].sd is -1.0"),
+        (
+            "sd = -1.0 ",
+            "random[1].distribution is \"normal with mean = 0.0, sd = -1.0\"",
+        ),
         ("sd = inf ", "a finite number"),
     ] {
         let error = refused(&[("sd = 0.5 ", to)]);
@@ -280,7 +283,7 @@ fn random_inputs_without_a_distribution_are_refused_by_line_and_key() {
     }
     let lognormal = (OFFSET, "name = \"offset\"\ndistribution = \"lognormal\"");
     let error = refused(&[lognormal, ("sd = 0.5 ", "sd = 0.0 ")]);
-    let says = "random[1].sd is 0.0, but must be one that makes a distribution with the other keys: mean > 0, sd ≥ 0";
+    let says = "random[1].distribution is \"lognormal with mean = 0.0, sd = 0.0\", but must be one that exists: mean > 0, sd ≥ 0";
     assert!(error.contains(says), "{error}");
     let pair = |lines: &str| format!("[[correlations]]\n{lines}\n\n[[responses]]");
     for (lines, says) in [

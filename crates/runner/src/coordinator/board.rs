@@ -51,6 +51,8 @@ struct Inner {
     retries: u64,
     /// Number of the current state, for clients that watch for changes.
     revision: u64,
+    /// Time of the last call of such a client.
+    watched: Option<Duration>,
 }
 
 /// The ledger of a campaign.
@@ -99,6 +101,7 @@ impl Board {
                 course: Course::Work,
                 retries: 0,
                 revision: 1,
+                watched: None,
             }),
             origin: Instant::now(),
             available: Notify::new(),

@@ -21,6 +21,12 @@ use crate::coordinator::service::Service;
 /// Maximum time to wait until the workers know that they are to leave.
 const FAREWELL: Duration = Duration::from_secs(3);
 
+/// Time since its last call within which a client counts as watching: a call waits for up to ten seconds.
+const WATCHING: Duration = Duration::from_secs(15);
+
+/// Time for a client that watches to ask again. It does so a second after each answer.
+const LAST_LOOK: Duration = Duration::from_millis(1500);
+
 /// A port for workers and clients.
 #[derive(Debug)]
 pub struct Port {
@@ -227,10 +233,16 @@ fn notes(db: &Path) -> (PathBuf, String) {
     )
 }
 
-/// Waits until the workers know that they are to leave, at most for [`FAREWELL`].
+/// Waits until the workers know that they are to leave, and the clients that watch have had time to ask once more, at
+/// most for [`FAREWELL`].
 pub(crate) async fn farewell(board: &Board) {
-    let deadline = tokio::time::Instant::now() + FAREWELL;
-    while !board.all_dismissed() && tokio::time::Instant::now() < deadline {
+    let now = tokio::time::Instant::now();
+    let is_watched = board.is_watched(WATCHING);
+    let (told, deadline) = (now + LAST_LOOK, now + FAREWELL);
+    while !board.all_dismissed() || is_watched && tokio::time::Instant::now() < told {
+        if tokio::time::Instant::now() >= deadline {
+            return;
+        }
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }

@@ -39,8 +39,16 @@ impl Board {
         self.lock().ledger.is_draining()
     }
 
+    /// Whether a client has asked for the next revision within this time.
+    #[must_use]
+    pub fn is_watched(&self, within: Duration) -> bool {
+        let last = self.lock().watched;
+        last.is_some_and(|last| self.now().saturating_sub(last) < within)
+    }
+
     /// Waits up to `wait` for a revision other than `seen` and returns the current one.
     pub async fn changed(&self, seen: u64, wait: Duration) -> u64 {
+        self.lock().watched = Some(self.now());
         let deadline = Instant::now() + wait;
         loop {
             let changed = self.changed.notified();

@@ -77,17 +77,9 @@ impl PreparedDesign for ExternalDesign<'_> {
         let wanted: Vec<usize> = problem.wanted(state).collect();
         self.evaluate(&wanted)?;
         let analysis = problem.analysis(&self.design, &self.responses, state);
-        let analysis = analysis.ok_or_else(|| {
+        analysis.ok_or_else(|| {
             NoAnswer::Failed("the responses are not those of the campaign".to_owned())
-        })?;
-        if problem.has_baseline() {
-            // An optimiser would take an implausible number for an optimum.
-            problem.check_baseline(analysis.value).map_err(|why| {
-                let name = &problem.objective().response.name;
-                NoAnswer::Failed(format!("the simulator's {name} {why}"))
-            })?;
-        }
-        Ok(analysis)
+        })
     }
 
     fn sample(&mut self, rng: &mut StreamRng) -> Result<Vec<f64>, NoAnswer> {

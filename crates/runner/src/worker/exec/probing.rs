@@ -67,10 +67,14 @@ impl Programs {
             }
         };
         if answers.ignores_seeds() {
+            let (source, key) = match problem.random() {
+                Some(_) => ("random inputs", "random"),
+                None => ("seed", "seed"),
+            };
             warn!(
                 designs = answers.equal,
-                "the simulator seems to ignore its seed: two samples of each design with different \
-                 seeds are equal. Everything random must follow from \"seed\""
+                "the simulator seems to ignore its {source}: two samples of each design are equal. Everything random must \
+                 follow from \"{key}\""
             );
         }
         Ok(answers.digest)

@@ -413,7 +413,7 @@ fn a_simulator_whose_numbers_cannot_be_fails() {
         "on_archard() { answer '\"delta_ste_archard_um\":-5,\"hertz_pressure_worn_mpa\":1'; }";
     let error = run(&backend(negative), THREE).unwrap_err();
     assert!(
-        error.contains("the simulator's delta_ste_um is -5e0 µm"),
+        error.contains("ΔSTE with Archard's wear is -5e0 µm"),
         "{error}"
     );
     let absurd = "on_sample() { answer '\"delta_ste_um\":1e308'; }";

@@ -72,7 +72,8 @@ fn try_designs(problem: &Problem, simulator: &dyn Simulator) -> Result<Trial, No
             if let Ok(_) | Err(NoAnswer::Refused(_)) = evaluated {
                 evaluations.push(since.elapsed().as_secs_f64());
             }
-            evaluated?;
+            let checked = problem.check_analysis(&evaluated?);
+            checked.map_err(NoAnswer::Failed)?;
             let mut last = None;
             for _ in 0..2 {
                 let since = Instant::now();
