@@ -357,7 +357,7 @@ async fn conduct(plan: Plan, shutdown: CancellationToken) -> Result<u8, ProgramE
 
 /// The exit code for the end of a campaign from which nothing is missing.
 async fn code_of_finished(problem: &Problem, store: &Store) -> Result<u8, ProgramError> {
-    let designs = status::read(store).await?.designs;
+    let designs = store.progress().await?;
     let optima = Optima::read(store, problem).await?;
     Ok(if designs.simulable == designs.ruled_out {
         warn!("finished, but no design got samples; the report says why");

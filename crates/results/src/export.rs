@@ -455,7 +455,7 @@ async fn optima<W: Write + Send>(
             ]);
         }
         row.extend(row![
-            optimum.feasible().is_some() && verified.limits.iter().all(|limit| limit.holds),
+            verified.keeps_limits(),
             optimum.cost.simulator_calls,
             optimum.cost.cpu_seconds,
         ]);

@@ -128,15 +128,19 @@ impl VerifiedOptimum {
         samples.map_or_else(Vec::new, |samples| problem.objective().values(samples))
     }
 
+    /// Whether the design keeps every limit, those on measures by the verification samples that are there.
+    #[must_use]
+    pub fn keeps_limits(&self) -> bool {
+        self.optimum.feasible().is_some() && self.limits.iter().all(|limit| limit.holds)
+    }
+
     /// The verified measure as a cost, which is minimised; `None` for a design that cannot be recommended, because it
     /// breaks a limit or has no measure.
     #[must_use]
     pub fn cost(&self, problem: &Problem) -> Option<f64> {
         let cost = problem.cost(self.measure?.value);
-        let keeps_limits = self.optimum.feasible().is_some()
-            && self.limits.len() == problem.limited().len()
-            && self.limits.iter().all(|limit| limit.holds);
-        (keeps_limits && cost.is_finite()).then_some(cost)
+        let is_judged = self.limits.len() == problem.limited().len();
+        (is_judged && self.keeps_limits() && cost.is_finite()).then_some(cost)
     }
 }
 
