@@ -152,7 +152,8 @@ fn known(record: &csv::StringRecord, columns: &Columns<'_>) -> Result<Option<Vec
 }
 
 /// The section with the designs of its table. The table has a column for each free variable and for each known
-/// quantity; a column of a fixed variable must have its value, and other columns are not read. `file` names the table in errors.
+/// quantity; a column of a fixed variable must have its value, and other columns are not read. `file` names the table in
+/// errors.
 pub(crate) fn of_table(problem: &Problem, file: &str, text: &str) -> Result<Doe, FileError> {
     let wrong = |line: u64, message: String| FileError::Syntax {
         file: file.to_owned(),
