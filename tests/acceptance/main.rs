@@ -6,6 +6,7 @@
 )]
 
 mod absurd;
+mod away;
 mod bad_input;
 mod broken_node;
 mod campaign;
@@ -44,5 +45,4 @@ mod stopping;
 mod studies;
 mod tradeoff;
 mod um_bridge;
-mod undelivered;
 mod user_tables;

@@ -144,7 +144,7 @@ fn samples_that_always_fail_end_a_campaign_that_wants_more_of_them() {
         &sandbox,
         &[
             ("designs = 60", "designs = 20"),
-            ("probe_designs = 3", "probe_designs = 0"),
+            ("probe_designs = 3", "probe_designs = 0\nretry_s = 2.0"),
             (
                 "samples_per_design = 25",
                 "samples_per_design = 25\nprecision = 0.001\nsamples_max = 60\n\

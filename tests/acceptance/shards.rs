@@ -58,6 +58,20 @@ fn shards_give_the_results_of_a_connected_campaign() {
         "local-report",
     ];
     assert_code(&sandbox.coordinator(&run), 0);
+    // The campaign was smaller when the first samples were computed, and had grown before they were merged.
+    sandbox.write("small.toml", &small_campaign(60, 5));
+    let early: Vec<String> = plan(&sandbox, "early", "2")
+        .iter()
+        .map(|shard| compute(&sandbox, shard))
+        .collect();
+    sandbox.write("small.toml", &small_campaign(60, 12));
+    plan(&sandbox, "late", "2");
+    assert_code(&merge(&sandbox, &early), 0);
+    let blocks = export(&sandbox, "sharded.db", "blocks");
+    assert!(blocks.len() > 1, "the samples are stored");
+    // Each block names the process that computed it, not the file that brought it.
+    let says = |word: &str| blocks.iter().flatten().any(|cell| cell.contains(word));
+    assert!(!says("shard") && !says(".part"), "{blocks:?}");
     let mut stages = 0;
     loop {
         let shards = plan(&sandbox, &format!("stage{stages}"), "3");

@@ -13,7 +13,7 @@ use runner::coordinator::service::Service;
 use runner::protocol::v1::campaign_server::Campaign as _;
 use runner::protocol::v1::{
     self, Design, Directive, DrainRequest, Evaluated, ExplainRequest, HeartbeatRequest, HeldLease,
-    LeaseRequest, LeaseResult, LeaseState, RegisterRequest, ReleaseRequest, ReportRequest,
+    LeaseRequest, LeaseResult, LeaseState, Origin, RegisterRequest, ReleaseRequest, ReportRequest,
     RetryRequest, StatusRequest, UnitResult, WatchRequest,
 };
 use tonic::Request;
@@ -187,10 +187,14 @@ fn a_unit_result() -> impl Strategy<Value = UnitResult> {
 
 fn a_result() -> impl Strategy<Value = LeaseResult> {
     let units = prop::collection::vec(a_unit_result(), 0..4);
-    (a_lease(), units, any::<f64>()).prop_map(|(id, results, wall_seconds)| LeaseResult {
-        id: Some(id),
-        results,
-        wall_seconds,
+    let origin = prop::option::of(any::<(String, String)>());
+    (a_lease(), units, any::<f64>(), origin).prop_map(|(id, results, wall_seconds, origin)| {
+        LeaseResult {
+            id: Some(id),
+            results,
+            wall_seconds,
+            origin: origin.map(|(worker_id, host)| Origin { worker_id, host }),
+        }
     })
 }
 

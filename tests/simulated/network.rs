@@ -416,6 +416,7 @@ async fn stutter(problem: Arc<Problem>) -> turmoil::Result {
                 id: lease.id,
                 results: of_units.collect(),
                 wall_seconds: 1.0,
+                origin: None,
             });
         }
         let report = ReportRequest {

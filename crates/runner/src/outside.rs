@@ -29,6 +29,11 @@ pub(crate) fn shortened(text: &str, bytes: usize) -> String {
     format!("{start}{CUT}{end}")
 }
 
+/// The name of a worker or a machine: one line of limited length.
+pub(crate) fn name(text: &str) -> String {
+    shortened(&line(text), 1 << 8)
+}
+
 /// The reason of a refusal: one line of limited length.
 pub(crate) fn reason(text: &str) -> String {
     shortened(&line(text), 1 << 10)

@@ -139,17 +139,16 @@ pub fn fit_all(
         // The quantity of a constraint may be negative.
         response: Response::Plain,
         noise: problem.campaign().limit_noise(),
-        ..settings.clone()
+        ..settings
     };
     let mut fitted: Vec<FittedModel> = Vec::new();
     let mut fit_one = |title: String, observed: &[Observation]| {
         let number = fitted.len() as u64;
-        let settings = if number == 0 {
-            &settings
-        } else {
-            &of_constraint
+        let fitted_one = match number {
+            0 => fit(problem, observed),
+            _ => fit_with(problem, observed, &of_constraint),
         };
-        let (model, summary) = fit_with(problem, observed, settings).context(title.clone())?;
+        let (model, summary) = fitted_one.context(title.clone())?;
         let row = model_row(name, number, &model, &summary)?;
         fitted.push(FittedModel {
             title,
@@ -196,7 +195,27 @@ pub fn fit(
     observed: &[Observation],
 ) -> anyhow::Result<(Surrogate, ModelSummary)> {
     let settings = problem.campaign().kriging.settings(problem.campaign().seed);
-    fit_with(problem, observed, &settings)
+    let (model, mut summary) = fit_with(problem, observed, &settings)?;
+    let beyond = beyond_probability(problem, &summary);
+    summary.warnings.extend(beyond);
+    Ok((model, summary))
+}
+
+/// A warning if the objective is a probability and its model, which knows no bounds, leaves them.
+fn beyond_probability(problem: &Problem, summary: &ModelSummary) -> Option<String> {
+    if !problem.campaign().sampling.objective.is_probability() {
+        return None;
+    }
+    let is_beyond = |one: &LeaveOneOutPrediction| !(0.0..=1.0).contains(&one.predicted);
+    let beyond = summary.leave_one_out().filter(is_beyond).count();
+    (beyond > 0).then(|| {
+        format!(
+            "at {beyond} of {} points the model predicts a probability below 0 or above 1, because it knows no bounds: \
+             read such values as 0 and 1. The percentile at which the limit would lie (measure = \"percentile\") is \
+             learned better",
+            summary.points
+        )
+    })
 }
 
 fn fit_with(
@@ -377,6 +396,35 @@ mod tests {
         assert!(refusal.contains("no dependence on the inputs"), "{refusal}");
         let (_, summary) = fitted(20.0).unwrap();
         assert!(summary.q2 > 0.9, "{}", summary.q2);
+    }
+
+    #[test]
+    fn a_model_of_a_probability_that_leaves_its_bounds_says_so() {
+        let text = include_str!("../../../campaigns/ishigami/campaign.toml");
+        let with = |measure: &str| {
+            let text = text.replace("measure = \"percentile\"", measure);
+            let text = text.replace("level = 0.9 ", "# ");
+            Problem::new(Campaign::parse("c.toml", &text).unwrap())
+        };
+        let warned = |measure: &str, value: fn(f64) -> f64| {
+            let problem = with(measure);
+            let rows = designs::make(&problem, &[]).unwrap();
+            let observed: Vec<Observation> = rows
+                .iter()
+                .map(|row| observed(row, value(row.x[0]), 1e-4))
+                .collect();
+            let (_, summary) = fit(&problem, &observed).unwrap();
+            summary
+                .warnings
+                .iter()
+                .any(|text| text.contains("knows no bounds"))
+        };
+        let probability = "measure = \"exceedance\"\nlimit = 5.0";
+        // A step is overshot at both of its ends.
+        let step = |x: f64| f64::from(u8::from(x > 0.5));
+        assert!(warned(probability, step));
+        assert!(!warned(probability, |x| 0.5 + 0.1 * x.sin()));
+        assert!(!warned("measure = \"mean\"", step));
     }
 
     /// An outlier is named by its design, and the key that the warning names removes it.

@@ -156,6 +156,7 @@ async fn member(
                     // The time of a slow machine, so that leases stay small and all workers get
                     // some.
                     wall_seconds: 1.0,
+                    origin: None,
                 };
                 let request = ReportRequest {
                     worker_id: name.clone(),

@@ -18,7 +18,9 @@ use runner::coordinator::server;
 use runner::coordinator::service::Service;
 use runner::exit::{self, HasExitCode, ProgramError};
 use runner::protocol::v1::campaign_server::Campaign as _;
-use runner::protocol::v1::{HeldLease, Lease, LeaseId, RegisterRequest, ReportRequest};
+use runner::protocol::v1::{
+    HeldLease, Lease, LeaseId, LeaseResult, RegisterRequest, ReportRequest,
+};
 use runner::shards::{Header, Part, Shard};
 use serde::Serialize;
 use stages::stage::Stage;
@@ -40,7 +42,8 @@ const LEASES: usize = 10_000;
 /// The reason why parts cannot be merged.
 #[derive(Debug, thiserror::Error)]
 enum MergeError {
-    #[error("part {} belongs to another campaign than store {}; merge it into the store that planned it",
+    #[error("part {} belongs to another campaign than store {}, or to it before a change of what its samples depend \
+        on; merge it into the store that planned it",
         part.display(), store.display())]
     Foreign { part: PathBuf, store: PathBuf },
     #[error("{}: {reason}. Parts that were given before it are stored", part.display())]
@@ -147,8 +150,8 @@ async fn plan_store(
     }
     let leases = leases(&engine.board).await;
     let campaign = problem.campaign();
-    let (json, digest) = (campaign.to_json(), campaign.digest());
-    let shards = Shard::deal(leases, count, (&json, &digest), model_digest.as_deref());
+    let (json, lineage) = (campaign.to_json(), campaign.lineage());
+    let shards = Shard::deal(leases, count, (&json, &lineage), model_digest.as_deref());
     std::fs::create_dir_all(out).map_err(|source| FileAccess::new("write to", out, source))?;
     let units = shards.iter().map(|shard| shard.units().count()).sum();
     let written: Result<Vec<PathBuf>, _> = shards.iter().map(|shard| shard.write(out)).collect();
@@ -230,8 +233,8 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
     let held = Store::open_read_only(&arguments.db).await?;
     let row = held.campaign().await?;
     held.close().await?;
-    let missing_shards = fitting(&parts, &row.digest, &arguments.db)?;
     let campaign = Campaign::stored(&row.file_text)?;
+    let missing_shards = fitting(&parts, &campaign.lineage(), &arguments.db)?;
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &row.file_text, &arguments.db).await?;
     let stored = store_parts(&problem, &store, &parts).await;
@@ -278,10 +281,10 @@ fn describe(merged: &MergeResult, is_planned: bool) -> String {
 
 /// Refuses parts of another campaign and two parts of the same shard. Returns the shards without a
 /// part.
-fn fitting(parts: &[Part], digest: &str, db: &Path) -> Result<Vec<u32>, MergeError> {
+fn fitting(parts: &[Part], lineage: &str, db: &Path) -> Result<Vec<u32>, MergeError> {
     let mut seen: BTreeMap<(&str, u32), &Path> = BTreeMap::new();
     for Part { path, header, .. } in parts {
-        if header.campaign_digest != digest {
+        if header.lineage != lineage {
             return Err(MergeError::Foreign {
                 part: path.clone(),
                 store: db.to_owned(),
@@ -327,20 +330,33 @@ async fn store_parts(
         problem: Arc::clone(problem),
         model_digest,
     };
-    for (number, part) in (1..).zip(parts) {
+    let mut numbers = 1..;
+    for part in parts {
         let worker_id = format!("shard {} of plan {}", part.header.shard, part.header.plan);
-        let id = LeaseId { epoch: 1, number };
-        let held = HeldLease {
-            id: Some(id),
-            units: part.units().to_vec(),
-        };
+        // All results of a process are reported as those of one lease.
+        let mut results: Vec<LeaseResult> = Vec::new();
+        for result in &part.results {
+            let is_same = |of: &&mut LeaseResult| of.origin == result.origin;
+            match results.iter_mut().find(is_same) {
+                Some(of) => of.results.extend_from_slice(&result.results),
+                None => results.push(LeaseResult {
+                    id: numbers.next().map(|number| LeaseId { epoch: 1, number }),
+                    wall_seconds: 0.0,
+                    ..result.clone()
+                }),
+            }
+        }
+        let held = results.iter().map(|of| HeldLease {
+            id: of.id,
+            units: part.units_with(&of.results),
+        });
         let introduction = RegisterRequest {
             worker_id: worker_id.clone(),
             host: part.path.display().to_string(),
             program_version: runner::identity::BUILD.to_owned(),
             model_digest: part.header.model_digest.clone(),
             slots: 1,
-            held: vec![held],
+            held: held.collect(),
             died: Vec::new(),
         };
         let refused = |status: tonic::Status| MergeError::Refused {
@@ -350,20 +366,7 @@ async fn store_parts(
         };
         let registered = service.register(Request::new(introduction)).await;
         registered.map_err(refused)?;
-        let mut results = part.results.clone();
-        // All results of the file are reported as those of one lease.
-        let whole = results
-            .iter_mut()
-            .flat_map(|result| std::mem::take(&mut result.results));
-        let whole = runner::protocol::v1::LeaseResult {
-            results: whole.collect(),
-            id: Some(id),
-            ..Default::default()
-        };
-        let report = ReportRequest {
-            worker_id,
-            results: vec![whole],
-        };
+        let report = ReportRequest { worker_id, results };
         let reported = service.report(Request::new(report)).await;
         reported.map_err(refused)?;
     }

@@ -394,6 +394,7 @@ fn report(name: &ledger::WorkerId, held: &HeldLease, seconds: f64) -> Vec<u8> {
         id: Some(held.id.into()),
         results: held.units.iter().map(result).collect(),
         wall_seconds: seconds,
+        origin: None,
     };
     let request = ReportRequest {
         worker_id: name.to_string(),

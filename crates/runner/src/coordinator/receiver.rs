@@ -43,21 +43,15 @@ impl<R: Recorder> Receiver<'_, R> {
         worker: &WorkerId,
         results: Vec<LeaseResult>,
     ) -> Result<(), Status> {
-        let origin = OriginRow {
-            worker: worker.to_string(),
-            host: self.board.host(worker),
-            // Workers of another build are refused.
-            build: crate::identity::BUILD.to_owned(),
-        };
         let mut all = Vec::new();
         let mut commits = Vec::new();
         for (of, result) in results.iter().enumerate() {
-            let mut brought = LeaseResults::default();
+            let mut brought = LeaseResults::of(self.origin(worker, result));
             for unit in &result.results {
                 self.take(worker, unit, &mut brought);
             }
             for part in &mut brought.parts {
-                part.batch.origin = Some(origin.clone());
+                part.batch.origin = Some(brought.origin.clone());
             }
             // Designs are committed together. A result that depends on a generation is committed
             // alone.
@@ -81,7 +75,7 @@ impl<R: Recorder> Receiver<'_, R> {
                 not_stored(&failed)
             })?;
             for (part, outcome) in committed {
-                all[of].note(worker, part, outcome);
+                all[of].note(part, outcome);
             }
         }
         for (result, mut brought) in results.into_iter().zip(all) {
@@ -89,7 +83,10 @@ impl<R: Recorder> Receiver<'_, R> {
             let mut counted = Vec::with_capacity(brought.failed.len());
             for failed in std::mem::take(&mut brought.failed) {
                 let is_known = match failed.serial {
-                    Some(serial) => self.recorder.knows_failure(worker.as_str(), serial).await,
+                    Some(serial) => {
+                        let computer = &brought.origin.worker;
+                        self.recorder.knows_failure(computer, serial).await
+                    }
                     None => Ok(false),
                 };
                 if !is_known.map_err(|error| not_stored(&error))? {
@@ -126,10 +123,25 @@ impl<R: Recorder> Receiver<'_, R> {
                     }
                     outcome => outcome,
                 };
-                self.record(worker, lease, failed, outcome).await?;
+                self.record(&brought.origin.worker, lease, failed, outcome)
+                    .await?;
             }
         }
         Ok(())
+    }
+
+    /// Who computed the results of a lease: `worker`, or the one that the results name.
+    fn origin(&self, worker: &WorkerId, result: &LeaseResult) -> OriginRow {
+        let (worker, host) = match &result.origin {
+            Some(other) => (outside::name(&other.worker_id), outside::name(&other.host)),
+            None => (worker.to_string(), self.board.host(worker)),
+        };
+        OriginRow {
+            worker,
+            host,
+            // Workers and files of another build are refused.
+            build: crate::identity::BUILD.to_owned(),
+        }
     }
 
     /// Records the worker's simulator as the campaign's, if no result of another one is stored.
@@ -296,7 +308,7 @@ impl<R: Recorder> Receiver<'_, R> {
     /// Records a failure, once for each serial number of the worker.
     async fn record(
         &self,
-        worker: &WorkerId,
+        worker: &str,
         lease: LeaseId,
         failed: FailedUnit,
         outcome: Failure,
@@ -329,7 +341,7 @@ impl<R: Recorder> Receiver<'_, R> {
             sample: (!failed.samples.is_empty()).then_some(failed.samples.start),
             shared: false,
             lease: u32::try_from(lease.number).unwrap_or(u32::MAX),
-            worker: worker.to_string(),
+            worker: worker.to_owned(),
             serial: failed.serial,
             kind,
             error: failed.error,
@@ -345,8 +357,9 @@ impl<R: Recorder> Receiver<'_, R> {
 }
 
 /// The results of a lease, sorted by outcome.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct LeaseResults {
+    origin: OriginRow,
     /// Results not yet stored.
     parts: Vec<Part>,
     stored: Vec<Unit>,
@@ -390,8 +403,21 @@ impl FailedUnit {
 }
 
 impl LeaseResults {
+    const fn of(origin: OriginRow) -> Self {
+        Self {
+            origin,
+            parts: Vec::new(),
+            stored: Vec::new(),
+            refused: Vec::new(),
+            analysed: Vec::new(),
+            failed: Vec::new(),
+            has_answers: false,
+        }
+    }
+
     /// Records the outcome of storing a part.
-    fn note(&mut self, worker: &WorkerId, part: Part, outcome: Result<Receipt, store::Error>) {
+    fn note(&mut self, part: Part, outcome: Result<Receipt, store::Error>) {
+        let worker = &self.origin.worker;
         let Part {
             unit,
             is_refused,
@@ -421,7 +447,7 @@ impl LeaseResults {
                 let error = match conflict {
                     Some(earlier) => contradiction::record(
                         unit.stream,
-                        worker.as_str(),
+                        worker,
                         earlier.unwrap_or(EARLIER),
                         &refused.to_string(),
                     ),

@@ -26,8 +26,6 @@ use crate::outside;
 /// Maximum time that a call may wait for a change.
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 
-/// Maximum length of a recorded host name, in bytes.
-const HOST_BYTES: usize = 256;
 /// Maximum number of leases that a worker may register with: several times what a worker ever
 /// holds.
 const HELD_LEASES: usize = 100_000;
@@ -92,7 +90,7 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
                 )
             });
             let held: Vec<(LeaseId, Vec<Unit>)> = held.collect();
-            let host = outside::shortened(&outside::line(&request.host), HOST_BYTES);
+            let host = outside::name(&request.host);
             cancelled = self.board.register(
                 &WorkerId::from(request.worker_id.as_str()),
                 &host,

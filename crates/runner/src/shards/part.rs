@@ -8,7 +8,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
-use crate::protocol::v1::{LeaseResult, Unit};
+use crate::protocol::v1::{LeaseResult, Unit, UnitResult};
 use prost::Message as _;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -33,8 +33,8 @@ pub struct Header {
     pub shard: u32,
     /// The number of shards in the plan.
     pub shards: u32,
-    /// The campaign's digest.
-    pub campaign_digest: String,
+    /// The [lineage](problem::Campaign::lineage) of the campaign: a campaign that grew takes its results, too.
+    pub lineage: String,
     /// The digest of the simulator's answers.
     pub model_digest: String,
     /// The units of the shard.
@@ -44,14 +44,14 @@ pub struct Header {
 impl Header {
     /// The header of the results that a worker could not deliver: the only shard of a plan of its
     /// own.
-    pub(crate) fn undelivered(worker: &str, campaign_digest: &str, model_digest: &str) -> Self {
+    pub(crate) fn undelivered(worker: &str, lineage: &str, model_digest: &str) -> Self {
         Self {
             schema_version: SCHEMA_VERSION,
             program_version: crate::identity::BUILD.to_owned(),
             plan: format!("{UNDELIVERED}{worker}"),
             shard: 1,
             shards: 1,
-            campaign_digest: campaign_digest.to_owned(),
+            lineage: lineage.to_owned(),
             model_digest: model_digest.to_owned(),
             units: Vec::new(),
         }
@@ -137,21 +137,28 @@ impl Part {
             .collect()
     }
 
-    /// The units of the shard.
+    /// The units of the shard that `results` are about.
     #[must_use]
-    pub fn units(&self) -> &[Unit] {
-        &self.header.units
+    pub fn units_with(&self, results: &[UnitResult]) -> Vec<Unit> {
+        let units = self.header.units.iter();
+        units
+            .filter(|unit| results.iter().any(|result| is_about(result, unit)))
+            .copied()
+            .collect()
     }
+}
+
+/// Whether a result has the stream and the generation of a unit.
+fn is_about(result: &UnitResult, unit: &Unit) -> bool {
+    result.unit.as_ref().is_some_and(|own| {
+        (own.kind, own.index, own.generation) == (unit.kind, unit.index, unit.generation)
+    })
 }
 
 /// Whether the results cover a unit, or one of them says why the rest of it has no samples.
 pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     let of_unit = results.iter().flat_map(|result| &result.results);
-    let of_unit = of_unit.filter(|result| {
-        result.unit.as_ref().is_some_and(|own| {
-            (own.kind, own.index, own.generation) == (unit.kind, unit.index, unit.generation)
-        })
-    });
+    let of_unit = of_unit.filter(|result| is_about(result, unit));
     let mut covered = unit.first;
     let end = unit.first + unit.count;
     for result in of_unit {
@@ -187,7 +194,7 @@ impl PartWriter {
             plan: shard.plan.clone(),
             shard: shard.shard,
             shards: shard.shards,
-            campaign_digest: shard.campaign_digest.clone(),
+            lineage: shard.lineage.clone(),
             model_digest: model_digest.to_owned(),
             units: shard.units().copied().collect(),
         };

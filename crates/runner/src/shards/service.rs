@@ -8,9 +8,9 @@ use std::time::Duration;
 use crate::protocol::Refusal;
 use crate::protocol::v1::{
     Directive, DrainRequest, DrainResponse, ExplainRequest, ExplainResponse, HeartbeatRequest,
-    HeartbeatResponse, Lease, LeaseRequest, LeaseResponse, RegisterRequest, RegisterResponse,
-    ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest, RetryResponse,
-    StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
+    HeartbeatResponse, Lease, LeaseRequest, LeaseResponse, Origin, RegisterRequest,
+    RegisterResponse, ReleaseRequest, ReleaseResponse, ReportRequest, ReportResponse, RetryRequest,
+    RetryResponse, StatusRequest, StatusResponse, WatchRequest, WatchResponse, campaign_server,
 };
 use tonic::{Request, Response, Status};
 
@@ -40,6 +40,8 @@ struct State {
     part: Option<PartWriter>,
     waiting: VecDeque<Lease>,
     leased: Vec<Lease>,
+    /// The worker of the shard.
+    worker: Option<Origin>,
     failed: Option<Error>,
 }
 
@@ -65,7 +67,7 @@ impl Service {
     }
 
     /// Opens the part. Jobs with results in it are not leased again.
-    fn open(&self, model_digest: &str) -> Result<(), Status> {
+    fn open(&self, worker: Origin, model_digest: &str) -> Result<(), Status> {
         let shard = &self.0.shard;
         if shard
             .model_digest
@@ -87,6 +89,7 @@ impl Service {
                     |lease: &&Lease| lease.units.iter().any(|unit| !is_done(unit, &part.results));
                 state.waiting = shard.leases.iter().filter(is_open).cloned().collect();
                 state.part = Some(part);
+                state.worker = Some(worker);
                 Ok(())
             }
             Err(error) => Err(state.fail(error)),
@@ -113,10 +116,14 @@ impl campaign_server::Campaign for Service {
         &self,
         request: Request<RegisterRequest>,
     ) -> Result<Response<RegisterResponse>, Status> {
-        let model_digest = request.into_inner().model_digest;
+        let request = request.into_inner();
         // The first call only asks for the campaign.
-        if !model_digest.is_empty() {
-            self.open(&model_digest)?;
+        if !request.model_digest.is_empty() {
+            let worker = Origin {
+                worker_id: request.worker_id,
+                host: request.host,
+            };
+            self.open(worker, &request.model_digest)?;
         }
         Ok(Response::new(RegisterResponse {
             campaign_json: self.0.shard.campaign_json.clone(),
@@ -156,8 +163,12 @@ impl campaign_server::Campaign for Service {
         &self,
         request: Request<ReportRequest>,
     ) -> Result<Response<ReportResponse>, Status> {
-        let results = request.into_inner().results;
+        let mut results = request.into_inner().results;
         let mut state = self.state();
+        // `coordinator merge` will report them.
+        for result in &mut results {
+            result.origin.clone_from(&state.worker);
+        }
         let Some(part) = &mut state.part else {
             return Err(Status::failed_precondition("the worker is not registered"));
         };

@@ -25,8 +25,8 @@ pub struct Shard {
     pub shard: u32,
     /// The number of shards in the plan.
     pub shards: u32,
-    /// The campaign's digest.
-    pub campaign_digest: String,
+    /// The [lineage](problem::Campaign::lineage) of the campaign: a campaign that grew takes its results, too.
+    pub lineage: String,
     /// The digest of the simulator's answers; none for an external simulator, which only workers
     /// can ask.
     pub model_digest: Option<String>,
@@ -42,10 +42,10 @@ impl Shard {
     pub fn deal(
         leases: Vec<Lease>,
         shards: u32,
-        (campaign_json, campaign_digest): (&str, &str),
+        (campaign_json, lineage): (&str, &str),
         model_digest: Option<&str>,
     ) -> Vec<Self> {
-        let plan = digest_of(&leases, campaign_digest);
+        let plan = digest_of(&leases, lineage);
         let count = (leases.len() as u32).min(shards);
         let mut dealt: Vec<Vec<Lease>> = vec![Vec::new(); count as usize];
         for (turn, lease) in leases.into_iter().enumerate() {
@@ -57,7 +57,7 @@ impl Shard {
             plan: plan.clone(),
             shard,
             shards: count,
-            campaign_digest: campaign_digest.to_owned(),
+            lineage: lineage.to_owned(),
             model_digest: model_digest.map(str::to_owned),
             campaign_json: campaign_json.to_owned(),
             leases,
@@ -116,9 +116,9 @@ pub(crate) fn create_fresh(path: &Path) -> std::io::Result<fs::File> {
     fs::File::create_new(path)
 }
 
-fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {
+fn digest_of(leases: &[Lease], lineage: &str) -> String {
     let mut hash = Sha256::new();
-    hash.update(campaign_digest);
+    hash.update(lineage);
     for unit in leases.iter().flat_map(|lease| &lease.units) {
         for number in [
             unit.kind as u64,

@@ -7,8 +7,8 @@ use super::part::PartWriter;
 use super::*;
 use crate::protocol::v1::campaign_server::Campaign as _;
 use crate::protocol::v1::{
-    Directive, Kind, Lease, LeaseId, LeaseRequest, LeaseResult, RegisterRequest, ReportRequest,
-    Unit, UnitResult,
+    Directive, Kind, Lease, LeaseId, LeaseRequest, LeaseResult, Origin, RegisterRequest,
+    ReportRequest, Unit, UnitResult,
 };
 
 /// A design with this index and ten samples.
@@ -42,6 +42,7 @@ fn result(number: u64) -> LeaseResult {
             ..UnitResult::default()
         }],
         wall_seconds: 0.5,
+        origin: None,
     }
 }
 
@@ -236,8 +237,14 @@ fn a_unit_is_done_when_its_samples_are_covered_or_a_reason_is_given() {
 }
 
 /// Registers a worker with this simulator.
+/// Registers worker `w`.
 async fn register(service: &Service, model: &str) -> Result<(), tonic::Status> {
+    register_as("w", service, model).await
+}
+
+async fn register_as(worker: &str, service: &Service, model: &str) -> Result<(), tonic::Status> {
     let request = RegisterRequest {
+        worker_id: worker.to_owned(),
         model_digest: model.to_owned(),
         ..RegisterRequest::default()
     };
@@ -283,14 +290,25 @@ async fn a_stopped_shard_continues_with_what_its_part_lacks() {
     drop(service);
     // The lease that was computed and not reported is computed again.
     let service = Service::new(shard.clone(), out.clone());
-    register(&service, "model").await.unwrap();
+    register_as("next", &service, "model").await.unwrap();
     assert_eq!(ask(&service, 8).await, (vec![1, 3, 4], false));
     assert_eq!(ask(&service, 8).await, (vec![], false));
     report(&service, &[1, 3, 4]).await;
     assert_eq!(ask(&service, 8).await, (vec![], true));
     let part = Part::read(&out).unwrap();
-    assert_eq!(part.results, [0, 2, 1, 3, 4].map(result));
-    assert!(part.missing().is_empty() && part.units().len() == 5);
+    assert!(part.missing().is_empty());
+    // Each result says which of the two workers computed it.
+    let of = |(number, worker): (u64, &str)| LeaseResult {
+        origin: Some(Origin {
+            worker_id: worker.to_owned(),
+            ..Origin::default()
+        }),
+        ..result(number)
+    };
+    let computed = [(0, "w"), (2, "w"), (1, "next"), (3, "next"), (4, "next")];
+    assert_eq!(part.results, computed.map(of));
+    let units = part.units_with(&part.results[2].results);
+    assert_eq!(units, [unit(1)]);
     assert!(service.failed().is_none());
 }
 

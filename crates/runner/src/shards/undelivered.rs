@@ -31,12 +31,12 @@ impl UndeliveredFile {
     pub fn create(
         folder: &Path,
         worker: &str,
-        (campaign, campaign_digest): (&str, &str),
+        (campaign, lineage): (&str, &str),
         model_digest: &str,
     ) -> Result<Self, Error> {
         let name = format!("{campaign}-{worker}.{ENDING}");
         let path = folder.join(&name);
-        let header = Header::undelivered(worker, campaign_digest, model_digest);
+        let header = Header::undelivered(worker, lineage, model_digest);
         // The file gets its name once it is locked and has its first line.
         let fresh = folder.join(format!(".{name}"));
         let create = || {
@@ -186,10 +186,7 @@ mod tests {
         let part = &found[0].part;
         assert_eq!(part.path, path);
         assert_eq!(part.results, [result(1), result(2), result(3)]);
-        assert_eq!(
-            (&*part.header.campaign_digest, part.header.shards),
-            ("c", 1)
-        );
+        assert_eq!((&*part.header.lineage, part.header.shards), ("c", 1));
         assert!(part.missing().is_empty());
         found.into_iter().for_each(|found| found.remove().unwrap());
         assert!(!path.exists());

@@ -54,6 +54,7 @@ impl Inner {
             id: Some(held.lease.id.into()),
             results: held.done.into_iter().chain(held.part).collect(),
             wall_seconds: held.seconds,
+            origin: None,
         };
         self.outbox.put(held.lease, result);
     }

@@ -13,7 +13,7 @@ use std::sync::{Arc, RwLock};
 use std::time::{Duration, Instant};
 
 use crate::gateway::Link;
-use crate::protocol::v1::ReleaseRequest;
+use crate::protocol::v1::{Origin, ReleaseRequest};
 use ledger::LeaseId;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -273,9 +273,17 @@ impl SharedState {
         let lost = results.len();
         let is_kept = self
             .registered()
-            .is_some_and(|registered| self.files.keep(&registered, &self.worker_id, results));
+            .is_some_and(|registered| self.files.keep(&registered, &self.origin(), results));
         if !is_kept && lost > 0 {
             warn!(lost, "leaving with unacknowledged results");
+        }
+    }
+
+    /// This worker, for results that another one delivers.
+    fn origin(&self) -> Origin {
+        Origin {
+            worker_id: self.worker_id.clone(),
+            host: self.options.host.clone(),
         }
     }
 

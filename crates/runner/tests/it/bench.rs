@@ -142,6 +142,7 @@ impl Bench {
             id: lease.id,
             results: results.collect(),
             wall_seconds: 0.5,
+            origin: None,
         }
     }
 

@@ -71,6 +71,7 @@ async fn the_first_stored_result_decides_which_simulator_a_campaign_has() {
             ..UnitResult::default()
         }],
         wall_seconds: 0.5,
+        origin: None,
     };
     bench.report("wrong", result.clone()).await;
     let pinned = || async { bench.store.campaign().await.unwrap().model_digest };

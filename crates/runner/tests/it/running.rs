@@ -138,6 +138,7 @@ impl Coordinator {
                     id: lease.id,
                     results: results.collect(),
                     wall_seconds: 0.001,
+                    origin: None,
                 };
                 let request = ReportRequest {
                     worker_id: id.clone(),

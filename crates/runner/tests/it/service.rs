@@ -13,9 +13,9 @@ use runner::protocol::Refusal;
 use runner::protocol::v1::campaign_server::Campaign as _;
 use runner::protocol::v1::{
     Directive, DrainRequest, ExplainRequest, HeartbeatRequest, HeldLease, Lease, LeaseResult,
-    LeaseState, ReleaseRequest, RetryRequest, UnitResult, WatchRequest,
+    LeaseState, Origin, ReleaseRequest, RetryRequest, UnitResult, WatchRequest,
 };
-use store::FailureKind;
+use store::{Discard, FailureKind};
 use tonic::Request;
 
 use crate::bench::{SAMPLES, X, bench, board};
@@ -333,6 +333,7 @@ async fn a_failure_reported_again_counts_once() {
             ..UnitResult::default()
         }],
         wall_seconds: 0.5,
+        origin: None,
     };
     for _ in 0..2 {
         bench.report("w", failure(&leases[0], 1)).await;
@@ -363,6 +364,29 @@ async fn a_failure_reported_again_counts_once() {
     bench.report("w", failure(&again[0], 2)).await;
     assert_eq!(restarted.live().workers[0].0.failed, 1);
     assert_eq!(histories().await[&StreamId::design(0)].failures, 2);
+}
+
+/// A worker delivers what another one had computed before it ended.
+#[tokio::test]
+async fn results_from_a_file_are_those_of_the_worker_that_computed_them() {
+    let bench = bench().await;
+    bench.register(bench.introduction("w")).await.unwrap();
+    let (leases, _) = bench.lease("w").await;
+    let origin = Some(Origin {
+        worker_id: "gone".to_owned(),
+        host: "node7:12".to_owned(),
+    });
+    let result = LeaseResult {
+        origin,
+        ..bench.answer(&leases[0])
+    };
+    bench.report("w", result).await;
+    assert_eq!(bench.samples().await, SAMPLES);
+    for (name, samples) in [("w", 0), ("gone", SAMPLES), ("node7", SAMPLES)] {
+        let of = Discard::Worker(name.to_owned());
+        let removed = bench.store.discard(&of, true).await.unwrap();
+        assert_eq!(removed.samples, samples as u64, "{name}");
+    }
 }
 
 #[tokio::test]
@@ -407,6 +431,7 @@ async fn a_long_error_is_stored_without_its_middle_and_without_control_character
             ..UnitResult::default()
         }],
         wall_seconds: 0.5,
+        origin: None,
     };
     bench.report("w", result).await;
     let stored = bench.store.failures().await.unwrap().remove(0).error;

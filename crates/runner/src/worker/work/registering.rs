@@ -26,6 +26,14 @@ pub(super) struct Registration {
     pub(super) model_digest: String,
 }
 
+impl Registration {
+    /// Whether samples for this campaign are samples of the other one, too: it has grown.
+    fn is_like(&self, other: &Self) -> bool {
+        let lineage = |of: &Self| of.problem.campaign().lineage();
+        self.model_digest == other.model_digest && lineage(self) == lineage(other)
+    }
+}
+
 impl SharedState {
     /// Registers. Repeats the call until it succeeds, the `first` time for a limited time.
     pub(super) async fn register(&self, first: bool) -> Result<Arc<Registration>, Error> {
@@ -87,7 +95,10 @@ impl SharedState {
                         if done {
                             self.journal.forget_crashed();
                             self.held.cancel(&ids(&response.cancelled));
-                        } else {
+                        } else if !known
+                            .as_ref()
+                            .is_some_and(|known| known.is_like(&registered))
+                        {
                             // Any leases belong to another campaign, whose coordinator may want their results.
                             if known.is_some() {
                                 self.keep_undelivered();

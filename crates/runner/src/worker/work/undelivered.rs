@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use crate::protocol::v1::LeaseResult;
+use crate::protocol::v1::{LeaseResult, Origin};
 use crate::shards::{OrphanFile, UndeliveredFile};
 use tracing::{error, info, warn};
 
@@ -60,7 +60,7 @@ impl Files {
                 warn!(%file, "this is a part of a shard, which `coordinator merge` stores");
                 continue;
             }
-            if part.header.campaign_digest != registered.problem.campaign().digest() {
+            if part.header.lineage != registered.problem.campaign().lineage() {
                 info!(%file, "undelivered results of another campaign are left where they are");
                 continue;
             }
@@ -76,12 +76,12 @@ impl Files {
         self.settle(held);
     }
 
-    /// Writes results that are not in the file yet. Returns false if there is no place for them.
+    /// Writes results of this worker that are not in the file yet. Returns false if there is no place for them.
     pub(super) fn keep(
         &self,
         registered: &Registration,
-        worker: &str,
-        results: Vec<LeaseResult>,
+        worker: &Origin,
+        mut results: Vec<LeaseResult>,
     ) -> bool {
         if results.is_empty() {
             return true;
@@ -94,10 +94,15 @@ impl Files {
             Some(own) => Ok(own),
             None => {
                 let campaign = registered.problem.campaign();
-                let named = (&*campaign.name, &*campaign.digest());
-                UndeliveredFile::create(folder, worker, named, &registered.model_digest)
+                let named = (&*campaign.name, &*campaign.lineage());
+                let id = &worker.worker_id;
+                UndeliveredFile::create(folder, id, named, &registered.model_digest)
             }
         };
+        // Another worker will deliver them.
+        for result in &mut results {
+            result.origin = Some(worker.clone());
+        }
         let kept = kept.and_then(|mut own| {
             own.keep(results)?;
             Ok(own)

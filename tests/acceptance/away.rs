@@ -122,42 +122,50 @@ fn what_a_worker_cannot_deliver_before_it_leaves_is_merged() {
     finish(&place, &sandbox, &["--slots", "2", "--exec", &exec]);
 }
 
+/// Ends a worker whose coordinator is away by `end`, and asserts that the next worker delivers its results.
+fn delivered_after(end: impl FnOnce(&Sandbox, RunningProgram)) {
+    let sandbox = Sandbox::new();
+    let (file, exec) = slow(&sandbox, "0.3");
+    let place = Place::of_file(&sandbox, &file);
+    let work = ["--slots", "2", "--exec", &exec];
+    let worker = worker_without_coordinator(&place, &sandbox, &work);
+    end(&sandbox, worker);
+    let said = finish(&place, &sandbox, &work);
+    assert!(
+        said.contains("delivering the results of a former worker"),
+        "{said}"
+    );
+}
+
 #[test]
-fn what_a_stopped_or_killed_worker_leaves_is_delivered_by_the_next_one() {
-    for is_killed in [false, true] {
-        let sandbox = Sandbox::new();
-        let (file, exec) = slow(&sandbox, "0.3");
-        let place = Place::of_file(&sandbox, &file);
-        let work = ["--slots", "2", "--exec", &exec];
-        let worker = worker_without_coordinator(&place, &sandbox, &work);
-        if is_killed {
-            // After a while, the results are in a file in any case: behind its first line, which is written before them.
-            let has_results = |file: &PathBuf| {
-                let text = std::fs::read(file).unwrap_or_default();
-                let header = text.iter().position(|byte| *byte == b'\n');
-                header.is_some_and(|end| text.len() > end + 1)
-            };
-            let since = Instant::now();
-            while !files(&sandbox).iter().any(has_results) {
-                assert!(since.elapsed().as_secs() < 120, "no file");
-                std::thread::sleep(Duration::from_millis(50));
-            }
-            worker.kill();
-        } else {
-            worker.terminate();
-            let (status, said) = worker.finish();
-            assert_eq!(status.code(), Some(14), "{said}");
-            assert!(
-                said.contains(&*files(&sandbox)[0].to_string_lossy()),
-                "{said}"
-            );
-        }
-        let said = finish(&place, &sandbox, &work);
+fn what_a_stopped_worker_leaves_is_delivered_by_the_next_one() {
+    delivered_after(|sandbox, worker| {
+        worker.terminate();
+        let (status, said) = worker.finish();
+        assert_eq!(status.code(), Some(14), "{said}");
         assert!(
-            said.contains("delivering the results of a former worker"),
+            said.contains(&*files(sandbox)[0].to_string_lossy()),
             "{said}"
         );
-    }
+    });
+}
+
+#[test]
+fn what_a_killed_worker_leaves_is_delivered_by_the_next_one() {
+    delivered_after(|sandbox, worker| {
+        // After a while, the results are in a file in any case: behind its first line, which is written before them.
+        let has_results = |file: &PathBuf| {
+            let text = std::fs::read(file).unwrap_or_default();
+            let header = text.iter().position(|byte| *byte == b'\n');
+            header.is_some_and(|end| text.len() > end + 1)
+        };
+        let since = Instant::now();
+        while !files(sandbox).iter().any(has_results) {
+            assert!(since.elapsed().as_secs() < 120, "no file");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        worker.kill();
+    });
 }
 
 /// A sample that takes longer than the coordinator is away outlives it, however short the time
