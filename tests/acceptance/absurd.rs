@@ -3,6 +3,7 @@
 use acceptance::{Sandbox, assert_code, changed, printed, python};
 use serde_json::Value;
 
+use crate::campaign::export;
 use crate::other_output::run;
 
 /// A parabola of two variables.
@@ -63,10 +64,15 @@ impl Case {
 
     /// Runs the campaign to exit code 0 and returns the log.
     fn run(&self, db: &str) -> String {
+        self.run_to(0, db)
+    }
+
+    /// Runs the campaign to this exit code and returns the log.
+    fn run_to(&self, code: i32, db: &str) -> String {
         let words = ["run", &self.file, "--db", db, "--out", "report"];
         let workers = ["--workers", "2", "--exec", &self.exec];
-        let (code, said) = run(&self.sandbox, &[&words[..], &workers].concat());
-        assert_eq!(code, Some(0), "{said}");
+        let (ended, said) = run(&self.sandbox, &[&words[..], &workers].concat());
+        assert_eq!(ended, Some(code), "{said}");
         said
     }
 
@@ -162,6 +168,34 @@ fn a_store_keeps_its_samples_under_other_limits() {
     );
     case.sandbox.write("c.toml", &limited);
     let before = case.results("c.db");
+    case.run("c.db");
+    assert_eq!(case.results("c.db"), before);
+}
+
+/// A limit on samples is added after the end, made impossible, and removed again. No sample is computed for it.
+#[test]
+fn a_limit_on_samples_can_come_and_go_after_the_end() {
+    let case = Case::new(&[]);
+    case.mend();
+    case.run("c.db");
+    let before = case.results("c.db");
+    for (max, code, feasible) in [("5.0", 0, "1"), ("-5.0", 16, "0")] {
+        let limit = format!(
+            "\n[[constraints]]\nname = \"cap\"\nresponse = \"y\"\nmeasure = \"percentile\"\nlevel = 0.95\nmax = {max}\n"
+        );
+        case.sandbox
+            .write("c.toml", &(CAMPAIGN.to_owned() + &limit));
+        case.run_to(code, "c.db");
+        let optima = export(&case.sandbox, "c.db", "optima");
+        let column = optima[0].iter().position(|name| name == "feasible");
+        let column = column.expect("a column");
+        assert!(
+            optima[1..].iter().all(|row| row[column] == feasible),
+            "{optima:?}"
+        );
+        assert_eq!(case.status("c.db")["samples_digest"], before.0[0]);
+    }
+    case.sandbox.write("c.toml", CAMPAIGN);
     case.run("c.db");
     assert_eq!(case.results("c.db"), before);
 }

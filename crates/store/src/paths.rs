@@ -1,7 +1,7 @@
 //! The paths of a store and of the files beside it.
 
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use crate::Error;
 
@@ -12,9 +12,16 @@ pub(crate) fn resolve(path: &Path) -> Result<PathBuf, Error> {
     if exists(path)? {
         return fs::canonicalize(path).map_err(failed);
     }
+    if let Ok(target) = fs::read_link(path) {
+        let what = format!(
+            "it is a symbolic link to {}, which does not exist: remove the link, or give the file itself",
+            target.display()
+        );
+        return Err(failed(io::Error::new(io::ErrorKind::NotFound, what)));
+    }
     let name = path.file_name().ok_or_else(|| {
-        failed(std::io::Error::new(
-            std::io::ErrorKind::InvalidInput,
+        failed(io::Error::new(
+            io::ErrorKind::InvalidInput,
             "the path has no file name: give the store's file, not a folder",
         ))
     })?;

@@ -100,6 +100,10 @@ pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError>
     };
     store.close().await?;
     let planned = planned?;
+    let exec = match problem.campaign().is_external() {
+        true => " --exec 'CMD'",
+        false => "",
+    };
     print_either(
         arguments.json,
         &VersionedObject::new(&planned),
@@ -110,7 +114,7 @@ pub(super) async fn plan(arguments: arguments::Plan) -> Result<u8, ProgramError>
             ),
             None => format!(
                 "stage           {}\nshards          {} with {} jobs, in {}\n\
-             next            `worker --shard {}/N.json --out {}/N.part` for each N, then\n\
+             next            `worker --shard {}/N.json --out {}/N.part{exec}` for each N, then\n\
              \x20               `coordinator merge --db {} {}/*.part`\n",
                 planned.stage,
                 planned.shards.len(),

@@ -164,12 +164,16 @@ async fn a_page_that_listens_hears_the_end() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_request_that_never_ends_is_cut() {
     let server = Server::start().await;
-    for begun in ["", "GET / HTTP/1.1\r\nHost: local"] {
+    let begun = ["", "GET / HTTP/1.1\r\nHost: local"];
+    let begun = begun.map(|begun| {
         let mut stream = TcpStream::connect(server.address).unwrap();
         stream
             .set_read_timeout(Some(Duration::from_secs(60)))
             .unwrap();
         stream.write_all(begun.as_bytes()).unwrap();
+        (begun, stream)
+    });
+    for (begun, mut stream) in begun {
         let mut answer = String::new();
         let read = stream.read_to_string(&mut answer);
         assert!(read.is_ok(), "{begun:?}: {read:?}");

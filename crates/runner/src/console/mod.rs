@@ -115,7 +115,10 @@ pub fn run(
             return ExitCode::from(exit::FAILURE);
         }
     };
-    let ended = runtime.block_on(program);
+    let ended = runtime.block_on(async {
+        signals::survive_size_limit();
+        program.await
+    });
     // Threads that still compute must not delay the exit.
     runtime.shutdown_background();
     ExitCode::from(ended.unwrap_or_else(|error| {

@@ -46,6 +46,13 @@ async fn watch(
     }
 }
 
+/// Has a file that reaches the size limit of this process (`ulimit -f`) end a write with an error, like a full disk. The
+/// signal would end the process without a word. Must be called within a Tokio runtime.
+pub(super) fn survive_size_limit() {
+    // If that fails, the system's default stays.
+    let _ = signal(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw()));
+}
+
 /// Cancels `shutdown` at the end of standard input, after logging `notice`. The program at the other end has then
 /// ended, even if it was killed.
 pub fn watch_input(shutdown: CancellationToken, notice: &'static str) {

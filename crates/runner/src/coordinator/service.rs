@@ -282,7 +282,10 @@ impl<R: Recorder> campaign_server::Campaign for Service<R> {
     ) -> Result<Response<RetryResponse>, Status> {
         let retried = self.board.retry().into_iter();
         let retried: Vec<String> = retried.map(names::stream_name).collect();
-        info!(streams = %retried.join(", "), "retrying quarantined streams");
+        match &retried[..] {
+            [] => info!("asked to retry quarantined streams, but there are none"),
+            streams => info!(streams = %streams.join(", "), "retrying quarantined streams"),
+        }
         Ok(Response::new(RetryResponse { retried }))
     }
 }

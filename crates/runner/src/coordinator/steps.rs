@@ -83,7 +83,8 @@ impl Steps {
                 Ok(Some(wanting))
             }
             Outcome::Responses(rows, found) => {
-                info!(designs = rows.len(), "responses computed");
+                let of_objective = rows.iter().filter(|row| row.number == 0);
+                info!(designs = of_objective.count(), "responses computed");
                 for sentence in found.sentences(&self.problem) {
                     warn!("{sentence}");
                 }

@@ -1,5 +1,7 @@
 mod world;
 
+use std::ops::Range;
+
 use problem::file::FrozenFrom;
 
 use super::*;
@@ -231,14 +233,19 @@ fn samples_of_another_design_are_removed() {
 /// After any history of failures and repairs, everything is as after an undisturbed run.
 #[test]
 fn what_was_repaired_is_repaired_after_any_history() {
-    for (number, campaign) in [campaign(), enriched(), own_base()].into_iter().enumerate() {
-        for seed in 0..60 {
+    let disturb = |campaign: &Campaign, seeds: Range<u64>| {
+        for seed in seeds {
             let mut world = World::new(campaign.clone());
-            world.seed = 1000 * number as u64 + seed;
+            world.seed = seed;
             world.disturb();
             world.assert_undisturbed();
         }
-    }
+    };
+    std::thread::scope(|scope| {
+        for (first, campaign) in [(0, campaign()), (1000, enriched()), (2000, own_base())] {
+            scope.spawn(move || disturb(&campaign, first..first + 60));
+        }
+    });
 }
 
 /// The digests also decide which results are computed again after an extension.

@@ -27,6 +27,26 @@ async fn a_file_with_two_names_is_refused_under_either() {
     assert_eq!(open(&second).await.designs().await.unwrap().len(), 3);
 }
 
+#[cfg(unix)]
+#[tokio::test]
+async fn a_link_that_leads_nowhere_is_refused_and_left_alone() {
+    let (_folder, path) = folder();
+    let link = path.with_file_name("link.db");
+    std::os::unix::fs::symlink("unmounted/c.db", &link).unwrap();
+    let error = Store::create_or_open(&link, &campaign()).await.unwrap_err();
+    let Error::Io { source, .. } = &error else {
+        panic!("{error}")
+    };
+    let said = source.to_string();
+    assert!(said.contains("a symbolic link to unmounted/c.db"), "{said}");
+    assert!(link.is_symlink());
+    // A link to a store is followed.
+    fs::remove_file(&link).unwrap();
+    store_with(&path, 3).await.close().await.unwrap();
+    std::os::unix::fs::symlink(&path, &link).unwrap();
+    assert_eq!(open(&link).await.designs().await.unwrap().len(), 3);
+}
+
 #[cfg(target_os = "linux")]
 #[tokio::test]
 async fn a_store_in_use_is_locked_under_every_name() {
