@@ -1,56 +1,8 @@
-//! Every entry of the stability atlas keeps its promises.
+//! The entries of the stability atlas. That all keep their promises is a test of the command `stability`.
 
 use std::collections::BTreeSet;
 
 use lab::stability::{Method, Outcome, entries};
-
-/// Runs the entries of one method and fails with the broken promises.
-fn check(method: Method) {
-    let mut broken = Vec::new();
-    for entry in entries().into_iter().filter(|entry| entry.method == method) {
-        let outcome = entry.run();
-        for promise in outcome.promises().iter().filter(|p| !p.is_kept) {
-            let figures = outcome.figures();
-            broken.push(format!("{}: {}\n{figures:#?}", entry.id, promise.sentence));
-        }
-    }
-    assert!(broken.is_empty(), "{}", broken.join("\n"));
-}
-
-#[test]
-fn kriging_keeps_its_promises() {
-    check(Method::Kriging);
-}
-
-#[test]
-fn percentiles_keep_their_promises() {
-    check(Method::Statistics);
-}
-
-#[test]
-fn designs_keep_their_promises() {
-    check(Method::Designs);
-}
-
-#[test]
-fn searches_keep_their_promises() {
-    check(Method::Search);
-}
-
-#[test]
-fn enrichment_keeps_its_promises() {
-    check(Method::Enrichment);
-}
-
-#[test]
-fn gears_keep_their_promises() {
-    check(Method::Gears);
-}
-
-#[test]
-fn leases_keep_their_promises() {
-    check(Method::Leases);
-}
 
 #[test]
 fn every_entry_has_a_name_and_texts() {
