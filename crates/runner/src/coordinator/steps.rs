@@ -136,7 +136,7 @@ impl Steps {
             Ok(models) => models,
             Err(error) => {
                 let reason = format!("{error:#}");
-                warn!(%reason, "the kriging model cannot be fitted; approach 3 is left out");
+                warn!(%reason, "the kriging model cannot be fitted; the approach kriging is left out");
                 let failed = Derivation {
                     failure: Some(reason),
                     ..derivation
@@ -314,7 +314,8 @@ impl Steps {
     }
 
     async fn put_optimum(&self, optimum: &Optimum, inputs: &str) -> anyhow::Result<()> {
-        let (approach, note) = (optimum.approach.name(), &optimum.note);
+        let approach = self.problem.approach_name(optimum.approach);
+        let note = &optimum.note;
         match optimum.feasible() {
             Some(found) => {
                 info!(
