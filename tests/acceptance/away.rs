@@ -168,6 +168,21 @@ fn what_a_killed_worker_leaves_is_delivered_by_the_next_one() {
     });
 }
 
+/// The next coordinator serves a larger version of the campaign: what its workers have computed is part of it.
+#[test]
+fn what_was_computed_before_the_campaign_grew_is_delivered_to_its_coordinator() {
+    let sandbox = Sandbox::new();
+    let (file, exec) = slow(&sandbox, "0.3");
+    let place = Place::of_file(&sandbox, &file);
+    let worker = worker_without_coordinator(&place, &sandbox, &["--slots", "2", "--exec", &exec]);
+    let small = std::fs::read_to_string(&file).unwrap();
+    let samples = ("samples_per_design = 6", "samples_per_design = 7");
+    std::fs::write(&file, changed(&small, &[samples])).unwrap();
+    let coordinator = place.serve(&[]);
+    assert_all_succeed([("coordinator", coordinator), ("worker", worker)]);
+    assert!(calls(&sandbox) >= SAMPLES / 6 * 7);
+}
+
 /// A sample that takes longer than the coordinator is away outlives it, however short the time
 /// limit of the worker is.
 #[test]
