@@ -189,6 +189,7 @@ fn a_limit_on_samples_can_come_and_go_after_the_end() {
         let optima = export(&case.sandbox, "c.db", "optima");
         let column = optima[0].iter().position(|name| name == "feasible");
         let column = column.expect("a column");
+        assert!(optima.len() > 1);
         assert!(
             optima[1..].iter().all(|row| row[column] == feasible),
             "{optima:?}"

@@ -8,7 +8,8 @@ fn the_atlas_keeps_its_promises_and_its_page_says_what_was_run() {
     let sandbox = Sandbox::new();
     let arguments = ["stability", "--out", "atlas", "--json"];
     let output = sandbox.coordinator(&arguments);
-    let atlas: Value = serde_json::from_slice(&output.stdout).expect("one JSON object");
+    let atlas: Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", errors(&output)));
     let entries = atlas["entries"].as_array().expect("a list");
     let broken: Vec<&Value> = entries
         .iter()

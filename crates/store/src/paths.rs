@@ -13,6 +13,7 @@ pub(crate) fn resolve(path: &Path) -> Result<PathBuf, Error> {
         return fs::canonicalize(path).map_err(failed);
     }
     if let Ok(target) = fs::read_link(path) {
+        let target = path.with_file_name(target);
         let what = format!(
             "it is a symbolic link to {}, which does not exist: remove the link, or give the file itself",
             target.display()

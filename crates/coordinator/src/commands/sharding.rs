@@ -21,7 +21,7 @@ use runner::protocol::v1::campaign_server::Campaign as _;
 use runner::protocol::v1::{
     HeldLease, Lease, LeaseId, LeaseResult, RegisterRequest, ReportRequest,
 };
-use runner::shards::{Header, Part, Shard};
+use runner::shards::{Header, Kinship, Part, Shard};
 use serde::Serialize;
 use stages::stage::Stage;
 use store::Store;
@@ -42,8 +42,7 @@ const LEASES: usize = 10_000;
 /// The reason why parts cannot be merged.
 #[derive(Debug, thiserror::Error)]
 enum MergeError {
-    #[error("part {} belongs to another campaign than store {}, or to it before a change of what its samples depend \
-        on; merge it into the store that planned it",
+    #[error("part {} belongs to another campaign than store {}, or to a version of it with other samples",
         part.display(), store.display())]
     Foreign { part: PathBuf, store: PathBuf },
     #[error("{}: {reason}. Parts that were given before it are stored", part.display())]
@@ -154,8 +153,8 @@ async fn plan_store(
     }
     let leases = leases(&engine.board).await;
     let campaign = problem.campaign();
-    let (json, lineage) = (campaign.to_json(), campaign.lineage());
-    let shards = Shard::deal(leases, count, (&json, &lineage), model_digest.as_deref());
+    let (json, digest) = (campaign.to_json(), campaign.digest());
+    let shards = Shard::deal(leases, count, (&json, &digest), model_digest.as_deref());
     std::fs::create_dir_all(out).map_err(|source| FileAccess::new("write to", out, source))?;
     let units = shards.iter().map(|shard| shard.units().count()).sum();
     let written: Result<Vec<PathBuf>, _> = shards.iter().map(|shard| shard.write(out)).collect();
@@ -238,7 +237,7 @@ pub(super) async fn merge(arguments: arguments::Merge) -> Result<u8, ProgramErro
     let row = held.campaign().await?;
     held.close().await?;
     let campaign = Campaign::stored(&row.file_text)?;
-    let missing_shards = fitting(&parts, &campaign.lineage(), &arguments.db)?;
+    let missing_shards = fitting(&parts, &campaign, &arguments.db)?;
     let problem = Arc::new(Problem::new(campaign));
     let store = server::open_store(&problem, &row.file_text, &arguments.db).await?;
     let stored = store_parts(&problem, &store, &parts).await;
@@ -285,10 +284,10 @@ fn describe(merged: &MergeResult, is_planned: bool) -> String {
 
 /// Refuses parts of another campaign and two parts of the same shard. Returns the shards without a
 /// part.
-fn fitting(parts: &[Part], lineage: &str, db: &Path) -> Result<Vec<u32>, MergeError> {
+fn fitting(parts: &[Part], campaign: &Campaign, db: &Path) -> Result<Vec<u32>, MergeError> {
     let mut seen: BTreeMap<(&str, u32), &Path> = BTreeMap::new();
     for Part { path, header, .. } in parts {
-        if header.lineage != lineage {
+        if header.kinship(campaign) == Kinship::Foreign {
             return Err(MergeError::Foreign {
                 part: path.clone(),
                 store: db.to_owned(),
@@ -317,7 +316,7 @@ fn fitting(parts: &[Part], lineage: &str, db: &Path) -> Result<Vec<u32>, MergeEr
     Ok(all)
 }
 
-/// Reports the parts to a service, as workers do that computed the results before its start.
+/// Reports the parts to a service, as the workers would that computed the results.
 async fn store_parts(
     problem: &Arc<Problem>,
     store: &Store,
@@ -336,43 +335,46 @@ async fn store_parts(
     };
     let mut numbers = 1..;
     for part in parts {
-        let worker_id = format!("shard {} of plan {}", part.header.shard, part.header.plan);
-        // All results of a process are reported as those of one lease.
-        let mut results: Vec<LeaseResult> = Vec::new();
-        for result in &part.results {
-            let is_same = |of: &&mut LeaseResult| of.origin == result.origin;
-            match results.iter_mut().find(is_same) {
-                Some(of) => of.results.extend_from_slice(&result.results),
-                None => results.push(LeaseResult {
-                    id: numbers.next().map(|number| LeaseId { epoch: 1, number }),
-                    wall_seconds: 0.0,
-                    ..result.clone()
-                }),
-            }
+        // Failures may be due to limits that the campaign had then.
+        let has_failures = part.header.kinship(problem.campaign()) == Kinship::Same;
+        for (process, results) in part.by_process() {
+            let id = numbers.next().map(|number| LeaseId { epoch: 1, number });
+            let held = HeldLease {
+                id,
+                units: part.units_with(&results),
+            };
+            let introduction = RegisterRequest {
+                worker_id: process.worker_id.clone(),
+                host: process.host.clone(),
+                program_version: runner::identity::BUILD.to_owned(),
+                model_digest: part.header.model_digest.clone(),
+                slots: 1,
+                held: vec![held],
+                died: Vec::new(),
+            };
+            let refused = |status: tonic::Status| MergeError::Refused {
+                part: part.path.clone(),
+                is_final: status.code() == tonic::Code::FailedPrecondition,
+                reason: status.message().to_owned(),
+            };
+            let registered = service.register(Request::new(introduction)).await;
+            registered.map_err(refused)?;
+            // All results of a process are reported as those of one lease.
+            let mut whole = LeaseResult {
+                id,
+                results,
+                ..LeaseResult::default()
+            };
+            whole
+                .results
+                .retain(|result| has_failures || result.error.is_none());
+            let report = ReportRequest {
+                worker_id: process.worker_id.clone(),
+                results: vec![whole],
+            };
+            let reported = service.report(Request::new(report)).await;
+            reported.map_err(refused)?;
         }
-        let held = results.iter().map(|of| HeldLease {
-            id: of.id,
-            units: part.units_with(&of.results),
-        });
-        let introduction = RegisterRequest {
-            worker_id: worker_id.clone(),
-            host: part.path.display().to_string(),
-            program_version: runner::identity::BUILD.to_owned(),
-            model_digest: part.header.model_digest.clone(),
-            slots: 1,
-            held: held.collect(),
-            died: Vec::new(),
-        };
-        let refused = |status: tonic::Status| MergeError::Refused {
-            part: part.path.clone(),
-            is_final: status.code() == tonic::Code::FailedPrecondition,
-            reason: status.message().to_owned(),
-        };
-        let registered = service.register(Request::new(introduction)).await;
-        registered.map_err(refused)?;
-        let report = ReportRequest { worker_id, results };
-        let reported = service.report(Request::new(report)).await;
-        reported.map_err(refused)?;
     }
     Ok(())
 }

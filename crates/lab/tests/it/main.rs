@@ -1,4 +1,4 @@
-//! The entries of the stability atlas. That all keep their promises is a test of the command `stability`.
+//! The entries of the stability atlas. `tests/acceptance/stability.rs` tests that they keep their promises.
 
 use std::collections::BTreeSet;
 

@@ -46,8 +46,8 @@ async fn watch(
     }
 }
 
-/// Has a file that reaches the size limit of this process (`ulimit -f`) end a write with an error, like a full disk. The
-/// signal would end the process without a word. Must be called within a Tokio runtime.
+/// Makes a write beyond the size limit of files (`ulimit -f`) an error, as on a full disk. Otherwise a signal would end the
+/// process without a word. Must be called within a Tokio runtime.
 pub(super) fn survive_size_limit() {
     // If that fails, the system's default stays.
     let _ = signal(SignalKind::from_raw(rustix::process::Signal::XFSZ.as_raw()));

@@ -17,7 +17,7 @@ mod tests;
 mod undelivered;
 
 pub use error::Error;
-pub use part::{Header, Part};
+pub use part::{Header, Kinship, Part};
 pub use service::Service;
 pub use shard::Shard;
 pub(crate) use undelivered::unlocked;

@@ -4,11 +4,13 @@
 //! content, and the content, a [`LeaseResult`]. A truncated record at the end of the file was being
 //! written when the worker ended. A wrong checksum means damage.
 
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
-use crate::protocol::v1::{LeaseResult, Unit, UnitResult};
+use crate::protocol::v1::{LeaseResult, Origin, Unit, UnitResult};
+use problem::Campaign;
 use prost::Message as _;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
@@ -33,8 +35,8 @@ pub struct Header {
     pub shard: u32,
     /// The number of shards in the plan.
     pub shards: u32,
-    /// The [lineage](problem::Campaign::lineage) of the campaign: a campaign that grew takes its results, too.
-    pub lineage: String,
+    /// The campaign in the form that workers get.
+    campaign_json: String,
     /// The digest of the simulator's answers.
     pub model_digest: String,
     /// The units of the shard.
@@ -44,14 +46,14 @@ pub struct Header {
 impl Header {
     /// The header of the results that a worker could not deliver: the only shard of a plan of its
     /// own.
-    pub(crate) fn undelivered(worker: &str, lineage: &str, model_digest: &str) -> Self {
+    pub(crate) fn undelivered(worker: &str, campaign_json: &str, model_digest: &str) -> Self {
         Self {
             schema_version: SCHEMA_VERSION,
             program_version: crate::identity::BUILD.to_owned(),
             plan: format!("{UNDELIVERED}{worker}"),
             shard: 1,
             shards: 1,
-            lineage: lineage.to_owned(),
+            campaign_json: campaign_json.to_owned(),
             model_digest: model_digest.to_owned(),
             units: Vec::new(),
         }
@@ -63,10 +65,31 @@ impl Header {
         self.plan.starts_with(UNDELIVERED)
     }
 
+    /// How the campaign of the results is related to `own`.
+    #[must_use]
+    pub fn kinship(&self, own: &Campaign) -> Kinship {
+        match Campaign::from_json(&self.campaign_json) {
+            Ok(theirs) if theirs.digest() == own.digest() => Kinship::Same,
+            Ok(theirs) if own.extends(&theirs) => Kinship::Earlier,
+            _ => Kinship::Foreign,
+        }
+    }
+
     /// The header as the first line of a file.
     pub(crate) fn line(&self) -> io::Result<String> {
         Ok(serde_json::to_string(self)? + "\n")
     }
+}
+
+/// How the campaign of a part is related to another one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kinship {
+    /// They are the same.
+    Same,
+    /// The other one [extends](Campaign::extends) it: the samples in the part are its samples, too.
+    Earlier,
+    /// The results are none of the other campaign.
+    Foreign,
 }
 
 /// A part read from a file.
@@ -137,28 +160,45 @@ impl Part {
             .collect()
     }
 
+    /// The processes that computed the results, in the order of their first ones, each with its results.
+    #[must_use]
+    pub fn by_process(&self) -> Vec<(Origin, Vec<UnitResult>)> {
+        let mut processes: Vec<(Origin, Vec<UnitResult>)> = Vec::new();
+        for result in &self.results {
+            let origin = result.origin.clone().unwrap_or_default();
+            match processes.iter_mut().find(|(of, _)| *of == origin) {
+                Some((_, results)) => results.extend_from_slice(&result.results),
+                None => processes.push((origin, result.results.clone())),
+            }
+        }
+        processes
+    }
+
     /// The units of the shard that `results` are about.
     #[must_use]
     pub fn units_with(&self, results: &[UnitResult]) -> Vec<Unit> {
+        let about = results.iter().filter_map(|result| result.unit.as_ref());
+        let about: BTreeSet<_> = about.map(stream_of).collect();
         let units = self.header.units.iter();
         units
-            .filter(|unit| results.iter().any(|result| is_about(result, unit)))
+            .filter(|unit| about.contains(&stream_of(unit)))
             .copied()
             .collect()
     }
 }
 
-/// Whether a result has the stream and the generation of a unit.
-fn is_about(result: &UnitResult, unit: &Unit) -> bool {
-    result.unit.as_ref().is_some_and(|own| {
-        (own.kind, own.index, own.generation) == (unit.kind, unit.index, unit.generation)
-    })
+/// The stream of a unit and its generation.
+const fn stream_of(unit: &Unit) -> (i32, u64, u64) {
+    (unit.kind, unit.index, unit.generation)
 }
 
 /// Whether the results cover a unit, or one of them says why the rest of it has no samples.
 pub(crate) fn is_done(unit: &Unit, results: &[LeaseResult]) -> bool {
     let of_unit = results.iter().flat_map(|result| &result.results);
-    let of_unit = of_unit.filter(|result| is_about(result, unit));
+    let of_unit = of_unit.filter(|result| {
+        let own = result.unit.as_ref().map(stream_of);
+        own == Some(stream_of(unit))
+    });
     let mut covered = unit.first;
     let end = unit.first + unit.count;
     for result in of_unit {
@@ -194,7 +234,7 @@ impl PartWriter {
             plan: shard.plan.clone(),
             shard: shard.shard,
             shards: shard.shards,
-            lineage: shard.lineage.clone(),
+            campaign_json: shard.campaign_json.clone(),
             model_digest: model_digest.to_owned(),
             units: shard.units().copied().collect(),
         };

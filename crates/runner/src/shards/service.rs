@@ -165,7 +165,7 @@ impl campaign_server::Campaign for Service {
     ) -> Result<Response<ReportResponse>, Status> {
         let mut results = request.into_inner().results;
         let mut state = self.state();
-        // `coordinator merge` will report them.
+        // `coordinator merge` reports the results of each process under its name.
         for result in &mut results {
             result.origin.clone_from(&state.worker);
         }

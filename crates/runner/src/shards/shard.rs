@@ -25,8 +25,6 @@ pub struct Shard {
     pub shard: u32,
     /// The number of shards in the plan.
     pub shards: u32,
-    /// The [lineage](problem::Campaign::lineage) of the campaign: a campaign that grew takes its results, too.
-    pub lineage: String,
     /// The digest of the simulator's answers; none for an external simulator, which only workers
     /// can ask.
     pub model_digest: Option<String>,
@@ -42,10 +40,10 @@ impl Shard {
     pub fn deal(
         leases: Vec<Lease>,
         shards: u32,
-        (campaign_json, lineage): (&str, &str),
+        (campaign_json, campaign_digest): (&str, &str),
         model_digest: Option<&str>,
     ) -> Vec<Self> {
-        let plan = digest_of(&leases, lineage);
+        let plan = digest_of(&leases, campaign_digest);
         let count = (leases.len() as u32).min(shards);
         let mut dealt: Vec<Vec<Lease>> = vec![Vec::new(); count as usize];
         for (turn, lease) in leases.into_iter().enumerate() {
@@ -57,7 +55,6 @@ impl Shard {
             plan: plan.clone(),
             shard,
             shards: count,
-            lineage: lineage.to_owned(),
             model_digest: model_digest.map(str::to_owned),
             campaign_json: campaign_json.to_owned(),
             leases,
@@ -116,9 +113,9 @@ pub(crate) fn create_fresh(path: &Path) -> std::io::Result<fs::File> {
     fs::File::create_new(path)
 }
 
-fn digest_of(leases: &[Lease], lineage: &str) -> String {
+fn digest_of(leases: &[Lease], campaign_digest: &str) -> String {
     let mut hash = Sha256::new();
-    hash.update(lineage);
+    hash.update(campaign_digest);
     for unit in leases.iter().flat_map(|lease| &lease.units) {
         for number in [
             unit.kind as u64,

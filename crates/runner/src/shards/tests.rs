@@ -236,8 +236,7 @@ fn a_unit_is_done_when_its_samples_are_covered_or_a_reason_is_given() {
     );
 }
 
-/// Registers a worker with this simulator.
-/// Registers worker `w`.
+/// Registers worker `w` with this simulator.
 async fn register(service: &Service, model: &str) -> Result<(), tonic::Status> {
     register_as("w", service, model).await
 }
@@ -307,8 +306,12 @@ async fn a_stopped_shard_continues_with_what_its_part_lacks() {
     };
     let computed = [(0, "w"), (2, "w"), (1, "next"), (3, "next"), (4, "next")];
     assert_eq!(part.results, computed.map(of));
-    let units = part.units_with(&part.results[2].results);
-    assert_eq!(units, [unit(1)]);
+    let processes = part.by_process();
+    let units = processes
+        .iter()
+        .map(|(_, results)| part.units_with(results));
+    let expected = [vec![unit(0), unit(2)], vec![unit(1), unit(3), unit(4)]];
+    assert_eq!(units.collect::<Vec<_>>(), expected);
     assert!(service.failed().is_none());
 }
 

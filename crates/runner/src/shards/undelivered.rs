@@ -9,6 +9,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use crate::protocol::v1::{LeaseId, LeaseResult};
+use problem::Campaign;
 
 use crate::shards::error::Error;
 use crate::shards::part::{self, Header, Part};
@@ -31,12 +32,12 @@ impl UndeliveredFile {
     pub fn create(
         folder: &Path,
         worker: &str,
-        (campaign, lineage): (&str, &str),
+        campaign: &Campaign,
         model_digest: &str,
     ) -> Result<Self, Error> {
-        let name = format!("{campaign}-{worker}.{ENDING}");
+        let name = format!("{}-{worker}.{ENDING}", campaign.name);
         let path = folder.join(&name);
-        let header = Header::undelivered(worker, lineage, model_digest);
+        let header = Header::undelivered(worker, &campaign.to_json(), model_digest);
         // The file gets its name once it is locked and has its first line.
         let fresh = folder.join(format!(".{name}"));
         let create = || {
@@ -152,6 +153,7 @@ pub(crate) fn unlocked(folder: &Path, is_wanted: impl Fn(&str) -> bool) -> Vec<(
 #[cfg(test)]
 mod tests {
     use crate::protocol::v1::UnitResult;
+    use crate::shards::Kinship;
 
     use super::*;
 
@@ -168,7 +170,8 @@ mod tests {
         let parent = tempfile::tempdir().unwrap();
         let folder = parent.path().join("new");
         assert!(OrphanFile::all(&folder).is_empty());
-        let mut own = UndeliveredFile::create(&folder, "0a", ("bowl", "c"), "m").unwrap();
+        let campaign = Campaign::parse("paper.toml", Campaign::PAPER).unwrap();
+        let mut own = UndeliveredFile::create(&folder, "0a", &campaign, "m").unwrap();
         own.keep(vec![result(1), result(2)]).unwrap();
         own.keep(vec![result(2), result(3)]).unwrap();
         assert!(OrphanFile::all(&folder).is_empty(), "its worker lives");
@@ -186,7 +189,15 @@ mod tests {
         let part = &found[0].part;
         assert_eq!(part.path, path);
         assert_eq!(part.results, [result(1), result(2), result(3)]);
-        assert_eq!((&*part.header.lineage, part.header.shards), ("c", 1));
+        assert_eq!(part.header.shards, 1);
+        // Only a campaign that has all that the worker computed takes the results.
+        let mut other = campaign.clone();
+        let kinship = |other: &Campaign| part.header.kinship(other);
+        assert_eq!(kinship(&other), Kinship::Same);
+        other.doe.designs += 1;
+        assert_eq!(kinship(&other), Kinship::Earlier);
+        other.doe.designs -= 2;
+        assert_eq!(kinship(&other), Kinship::Foreign);
         assert!(part.missing().is_empty());
         found.into_iter().for_each(|found| found.remove().unwrap());
         assert!(!path.exists());

@@ -279,7 +279,7 @@ impl SharedState {
         }
     }
 
-    /// This worker, for results that another one delivers.
+    /// This worker, for results that another process delivers.
     fn origin(&self) -> Origin {
         Origin {
             worker_id: self.worker_id.clone(),

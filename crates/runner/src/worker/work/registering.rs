@@ -26,14 +26,6 @@ pub(super) struct Registration {
     pub(super) model_digest: String,
 }
 
-impl Registration {
-    /// Whether samples for this campaign are samples of the other one, too: it has grown.
-    fn is_like(&self, other: &Self) -> bool {
-        let lineage = |of: &Self| of.problem.campaign().lineage();
-        self.model_digest == other.model_digest && lineage(self) == lineage(other)
-    }
-}
-
 impl SharedState {
     /// Registers. Repeats the call until it succeeds, the `first` time for a limited time.
     pub(super) async fn register(&self, first: bool) -> Result<Arc<Registration>, Error> {
@@ -95,16 +87,18 @@ impl SharedState {
                         if done {
                             self.journal.forget_crashed();
                             self.held.cancel(&ids(&response.cancelled));
-                        } else if !known
-                            .as_ref()
-                            .is_some_and(|known| known.is_like(&registered))
-                        {
+                        } else {
                             // Any leases belong to another campaign, whose coordinator may want their results.
                             if known.is_some() {
+                                self.held.release_all();
                                 self.keep_undelivered();
                                 self.files.leave();
                             }
                             self.held.cancel_all();
+                            // If it is the same campaign, and has grown, they are results of this one, too.
+                            if known.is_some() {
+                                self.files.take_up(&registered, &self.held);
+                            }
                         }
                         *self.problem.write().unwrap_or_else(|e| e.into_inner()) =
                             Some(Arc::clone(&registered));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::protocol::v1::{LeaseResult, Origin};
-use crate::shards::{OrphanFile, UndeliveredFile};
+use crate::shards::{Kinship, OrphanFile, UndeliveredFile};
 use tracing::{error, info, warn};
 
 use super::registering::Registration;
@@ -40,7 +40,7 @@ impl Files {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes over the files of former workers of the same campaign and simulator.
+    /// Takes over the files of former workers of the same simulator and campaign, or of the campaign before it grew.
     pub(super) fn take_up(&self, registered: &Registration, held: &HeldLeases) {
         let Some(folder) = &self.folder else {
             return;
@@ -60,7 +60,7 @@ impl Files {
                 warn!(%file, "this is a part of a shard, which `coordinator merge` stores");
                 continue;
             }
-            if part.header.lineage != registered.problem.campaign().lineage() {
+            if part.header.kinship(registered.problem.campaign()) == Kinship::Foreign {
                 info!(%file, "undelivered results of another campaign are left where they are");
                 continue;
             }
@@ -94,12 +94,11 @@ impl Files {
             Some(own) => Ok(own),
             None => {
                 let campaign = registered.problem.campaign();
-                let named = (&*campaign.name, &*campaign.lineage());
                 let id = &worker.worker_id;
-                UndeliveredFile::create(folder, id, named, &registered.model_digest)
+                UndeliveredFile::create(folder, id, campaign, &registered.model_digest)
             }
         };
-        // Another worker will deliver them.
+        // Another process will deliver them.
         for result in &mut results {
             result.origin = Some(worker.clone());
         }
