@@ -185,15 +185,15 @@ pub enum Infeasibility {
         /// Phase in base pitches.
         phase: f64,
     },
-    /// The mate's tip would touch below this gear's base circle.
+    /// The tip of the other gear would touch below this gear's base circle.
     #[error(
-        "contact beyond the {member}'s base tangent point: the mate's tip reaches {reach:.4} mm \
+        "contact beyond the {member}'s base tangent point: the tip of the other gear reaches {reach:.4} mm \
          along a line of action that leaves {available:.4} mm"
     )]
     ContactBeyondBase {
         /// The gear whose base tangent point is passed.
         member: Member,
-        /// Tangent length of the mate's last flank point.
+        /// Tangent length of the other gear's last flank point.
         reach: f64,
         /// L, the distance between the two base tangent points.
         available: f64,

@@ -23,7 +23,7 @@ use crate::unloaded::UnloadedPair;
 
 /// Young's modulus of the steel for which ISO 6336-1's stiffness holds, MPa.
 const STEEL: f64 = 206e3;
-/// Line load F_t/b, N/mm, below which ISO 6336-1 lets the stiffness fall in proportion to it.
+/// Line load F_t K_A/b, N/mm, below which ISO 6336-1 lets the stiffness fall with the fourth root of it.
 const FULL_STIFFNESS_LOAD: f64 = 100.0;
 
 /// The edition of ISO 6336-3 by which roots are rated, 2006 or 2019.
@@ -167,8 +167,7 @@ pub struct RootRating {
     /// Stress correction factor Y_S = (1.2 + 0.13 L) q_s^(1/(1.21 + 2.3/L)), L = s_Fn/h_Fe and
     /// q_s = s_Fn/(2 ρ_F); at least 1.
     pub y_s: f64,
-    /// Helix angle factor Y_β = 1 − ε_β β/120°, with ε_β at most 1 and β at most 30°; in the edition of 2019 over cos³
-    /// β.
+    /// Helix angle factor Y_β = 1 − ε_β β/120°, in the edition of 2019 over cos³ β; with ε_β at most 1 and β at most 30°.
     pub y_beta: f64,
     /// Nominal root stress σ_F0 = F_t/(b m) Y_F Y_S Y_β, MPa, where b is the gear's own face width, as far as it is at
     /// most one module wider at each end than the mate's.
@@ -180,8 +179,8 @@ pub struct RootRating {
 pub struct MeshStiffness {
     /// Theoretical single stiffness c′_th = 1/q′.
     pub theoretical: f64,
-    /// Single stiffness c′ = c′_th C_M C_R C_B cos β E/206 GPa with E = 2 E1 E2/(E1 + E2) and C_M = 0.8, less under a
-    /// light load.
+    /// Single stiffness c′ = c′_th C_M C_R C_B cos β E/206 GPa with E = 2 E1 E2/(E1 + E2) and C_M = 0.8; for a line load
+    /// w = F_t K_A/b below 100 N/mm times (w/100)^0.25.
     pub single: f64,
     /// Mesh stiffness c_γα = c′ (0.75 ε_α + 0.25).
     pub mesh_alpha: f64,
@@ -261,7 +260,7 @@ pub fn rate(pair: &UnloadedPair, blank_factor: f64, factors: &Factors) -> Rating
         root,
         root_stress_mpa: root.map(|root| root.stress_mpa * of_roots),
         flank_stress_mpa: z_single.map(|z| z * contact_stress_mpa * of_flanks),
-        stiffness: stiffness(pair, blank_factor, line_load),
+        stiffness: stiffness(pair, blank_factor, line_load * factors.application_factor),
         in_range: (1.0..2.0).contains(&g.eps_alpha),
     }
 }
@@ -295,14 +294,17 @@ fn root(pair: &UnloadedPair, member: Member, line_load: f64, edition: Edition) -
     // A load line through or below the section does not bend it.
     let arm = (load.y_l - section.y).max(1e-6 * chord);
     let overlap = g.eps_beta.min(1.0);
+    let degrees = g.beta.to_degrees().min(30.0);
     let (f_epsilon, inclined) = match edition {
         Edition::Of2006 => (1.0, 1.0),
-        Edition::Of2019 => (load_sharing(eps_alpha_n, overlap), g.beta.cos().powi(-3)),
+        Edition::Of2019 => {
+            let inclined = degrees.to_radians().cos().powi(-3);
+            (load_sharing(eps_alpha_n, overlap), inclined)
+        }
     };
     let y_f = f_epsilon * 6.0 * arm / m * load.cos_alpha_f
         / ((chord / m) * (chord / m) * g.alpha_n.cos());
     let y_s = stress_correction(chord, arm, section.fillet_radius);
-    let degrees = g.beta.to_degrees().min(30.0);
     let y_beta = (1.0 - overlap * degrees / 120.0) * inclined;
     RootRating {
         load_angle: load.cos_alpha_f.acos(),
@@ -357,7 +359,7 @@ fn stiffness(pair: &UnloadedPair, blank_factor: f64, line_load: f64) -> MeshStif
         * rack
         * g.beta.cos()
         * (input.mean_modulus() / STEEL)
-        * (line_load / FULL_STIFFNESS_LOAD).min(1.0);
+        * (line_load / FULL_STIFFNESS_LOAD).min(1.0).powf(0.25);
     let mesh_alpha = single * (0.75 * g.eps_alpha + 0.25);
     MeshStiffness {
         theoretical,

@@ -1,7 +1,7 @@
 //! Gears of a pair that differ in material, face width or allowances.
 
 use gear::inspection::{Allowances, Limits, Sheet, relief_length};
-use gear::rating::{self, Factors};
+use gear::rating::{self, Edition, Factors};
 use gear::{
     Corrections, Discretisation, Material, Member, Pair, PairInput, PlainSum, ReliefShape,
     TipRelief, ToothModel, UnloadedPair,
@@ -218,4 +218,55 @@ fn the_mesh_stiffness_does_not_depend_on_which_gear_is_the_pinion() {
     other.pinion_torque *= f64::from(input.teeth[1]) / f64::from(input.teeth[0]);
     assert_ne!(input.teeth[0], input.teeth[1]);
     assert!((of(&other) / of(&input) - 1.0).abs() < 1e-9);
+}
+
+/// Below a line load F_t K_A/b of 100 N/mm the stiffness falls with the fourth root of the load.
+#[test]
+fn the_mesh_stiffness_falls_under_a_light_load_only() {
+    let of = |torque: f64, application_factor: f64| {
+        let input = PairInput {
+            pinion_torque: torque,
+            ..plain()
+        };
+        let factors = Factors {
+            application_factor,
+            ..Factors::default()
+        };
+        let rating = rating::rate(&unloaded(&input), 1.0, &factors);
+        (rating.tangential_force, rating.stiffness.single)
+    };
+    let input = plain();
+    let full = of(1e6, 1.0);
+    // The torque at which F_t/b is 100 N/mm.
+    let limit = 1e6 * 100.0 * input.face_width[0] / full.0;
+    for (torque, application_factor, part) in [
+        (2.0 * limit, 1.0, 1.0),
+        (limit / 16.0, 1.0, 0.5),
+        (limit / 32.0, 2.0, 0.5),
+    ] {
+        let found = of(torque, application_factor).1 / full.1;
+        assert!((found - part).abs() < 1e-9, "{torque}: {found}");
+    }
+}
+
+/// Beyond 30° the factor Y_β is that of 30°, in both editions.
+#[test]
+fn the_helix_factor_of_the_root_grows_to_thirty_degrees() {
+    for edition in [Edition::Of2006, Edition::Of2019] {
+        let of = |degrees: f64| {
+            let input = PairInput {
+                helix_angle: degrees.to_radians(),
+                ..plain()
+            };
+            let factors = Factors {
+                edition,
+                ..Factors::default()
+            };
+            let rating = rating::rate(&unloaded(&input), 1.0, &factors);
+            assert!(rating.root[0].y_beta > 0.0);
+            rating.root[0].y_beta
+        };
+        assert!((of(35.0) - of(30.0)).abs() < 1e-9, "{edition:?}");
+        assert!((of(25.0) - of(30.0)).abs() > 1e-3, "{edition:?}");
+    }
 }

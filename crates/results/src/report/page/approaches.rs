@@ -52,7 +52,7 @@ impl ApproachRow<'_> {
     }
 
     pub(super) fn feasible(&self) -> Value {
-        let is_feasible = self.verified.optimum.feasible().is_some();
+        let is_feasible = self.verified.keeps_limits();
         Value {
             text: if is_feasible { "yes" } else { "no" }.to_owned(),
             marked: !is_feasible,

@@ -158,7 +158,7 @@ fn summary(
         capitalised(&criterion_name(verified.optimum.approach, measure)),
         significant(found.criterion, 3),
         verified.measure.estimate(),
-        if found.feasible {
+        if found.feasible && verified.keeps_limits() {
             "feasible"
         } else {
             "infeasible"
