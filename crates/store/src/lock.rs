@@ -76,6 +76,17 @@ impl Lock {
     }
 }
 
+impl Drop for Lock {
+    /// Unlocks the files. Closing them would not: a process that another thread starts at this moment has them open, too,
+    /// until it runs its program.
+    fn drop(&mut self) {
+        for file in std::iter::once(&self.file).chain(&self.store_file) {
+            // If that fails, the lock ends with the last process that has the file open.
+            let _ = file.unlock();
+        }
+    }
+}
+
 /// The number of commits that a coordinator has acknowledged; 0 without a record, as beside a copy of a store.
 pub(crate) fn acknowledged(store: &Path) -> u64 {
     fs::read_to_string(beside(store, ".lock")).map_or(0, |note| number(&note))

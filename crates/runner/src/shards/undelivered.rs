@@ -90,6 +90,14 @@ impl UndeliveredFile {
     }
 }
 
+impl Drop for UndeliveredFile {
+    /// Unlocks the file. Closing it would not: a simulator that is started at this moment has it open, too, until it runs.
+    fn drop(&mut self) {
+        // If that fails, the lock ends with the last process that has the file open.
+        let _ = self.file.unlock();
+    }
+}
+
 fn key(id: LeaseId) -> (u64, u64) {
     (id.epoch, id.number)
 }
