@@ -91,6 +91,8 @@ struct SharedState {
     /// The problem with the digest of its model; replaced when a restarted coordinator names
     /// another campaign.
     problem: RwLock<Option<Arc<Registration>>>,
+    /// Held by the task that registers again: another one that did the same would cancel what was leased since.
+    registering: tokio::sync::Mutex<()>,
     held: HeldLeases,
     /// Whether this machine can run the external simulator.
     ability: watch::Sender<Ability>,
@@ -148,6 +150,7 @@ impl Worker {
             options: self.options,
             connection: self.connection,
             problem: RwLock::new(None),
+            registering: tokio::sync::Mutex::default(),
             held: HeldLeases::default(),
             ability: watch::Sender::default(),
             contact: Contact::default(),

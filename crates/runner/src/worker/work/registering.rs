@@ -169,6 +169,7 @@ impl SharedState {
     /// Registers again after a coordinator did not know this worker, unless another task has done
     /// so.
     pub(super) async fn register_again(&self, epoch: u64) -> Result<(), Error> {
+        let _one_at_a_time = self.registering.lock().await;
         if self
             .registered()
             .is_some_and(|registered| registered.epoch == epoch)
